@@ -37,16 +37,38 @@ struct Gathering {
 impl Gathering {
     fn new(mesh: &PatchMesh, links: &[Link]) -> Gathering {
         let of_link = |link: &Link| -> Vec<(u32, u32, f32)> {
-            if link.visibility == 0.0 {
+            let ([p, q], visibility) = (link.nodes, f64::from(link.visibility));
+            if visibility == 0.0 || mesh.area_of(p) == 0.0 || mesh.area_of(q) == 0.0 {
                 return Vec::new();
             }
-            if mesh.element_of(link.receiver).is_some() {
-                return vec![(link.receiver, link.source, link.factor)];
+            let area = |node: u32| mesh.area_of(node);
+            let members = |cluster: u32| mesh.clusters[cluster as usize].elements.clone();
+            // The factors of all members of a cluster to another node.
+            let factors = |cluster: u32, other: u32| {
+                let factor = move |member| (mesh.node(member), mesh.factor_of_member(member, other) * visibility);
+                members(cluster).map(factor).filter(|&(_, factor)| factor > 0.0)
+            };
+            // Light between a cluster and an element has the same power in both directions.
+            let both = |cluster: u32, element: u32| {
+                let back = move |member: u32, factor: f64| (factor * area(member) / area(element)) as f32;
+                factors(cluster, element)
+                    .flat_map(|(member, factor)| {
+                        [(member, element, factor as f32), (element, member, back(member, factor))]
+                    })
+                    .collect()
+            };
+            match [p, q].map(|node| mesh.element_of(node).is_some()) {
+                [true, true] => {
+                    let back = (f64::from(link.factor) * area(p) / area(q)) as f32;
+                    vec![(p, q, link.factor), (q, p, back)]
+                }
+                [false, true] => both(p, q),
+                [true, false] => both(q, p),
+                [false, false] => {
+                    let there = factors(p, q).map(|(member, factor)| (member, q, factor as f32));
+                    there.chain(factors(q, p).map(|(member, factor)| (member, p, factor as f32))).collect()
+                }
             }
-            let members = mesh.clusters[link.receiver as usize].elements.clone();
-            let factor = |member| mesh.factor_of_member(member, link.source) * f64::from(link.visibility);
-            let all = members.map(|member| (mesh.node(member), link.source, factor(member) as f32));
-            all.filter(|&(_, _, factor)| factor > 0.0).collect()
         };
         let mut all: Vec<(u32, u32, f32)> = links.par_iter().flat_map_iter(of_link).collect();
         all.par_sort_unstable_by_key(|&(receiver, source, _)| (receiver, source));

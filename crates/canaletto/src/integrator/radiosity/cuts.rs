@@ -96,23 +96,23 @@ impl Polygon {
         [left, right].into_iter().map(|corners| Polygon { corners, ..self }).collect()
     }
 
-    /// The pieces of this polygon after cuts along all `others` that meet its interior.
-    pub(super) fn cut<'a>(&self, others: impl Iterator<Item = &'a Polygon>) -> Vec<Polygon> {
+    /// The pieces of this polygon after cuts along all `others` that meet its interior, and the segments of contact.
+    pub(super) fn cut<'a>(&self, others: impl Iterator<Item = &'a Polygon>) -> (Vec<Polygon>, Vec<[DVec3; 2]>) {
         let mut segments = Vec::new();
         for other in others {
             segments.extend(self.meeting(other).into_iter().filter_map(|segment| self.inside(segment)));
             if segments.len() > MOST_CUTS {
-                return vec![self.clone()];
+                return (vec![self.clone()], Vec::new());
             }
         }
         let mut pieces = vec![self.clone()];
-        for segment in segments {
+        for &segment in &segments {
             pieces = pieces
                 .into_iter()
                 .flat_map(|piece| if piece.inside(segment).is_some() { piece.split(segment) } else { vec![piece] })
                 .collect();
         }
-        pieces
+        (pieces, segments)
     }
 
     /// The triangles and parallelograms that fill the polygon: the polygon itself, if it is one, or else triangles.
@@ -163,7 +163,7 @@ mod tests {
     fn a_wall_cuts_the_floor_in_two() {
         // Half of the wall stands outside the floor, and the wall reaches below it.
         let wall = polygon(&[[1.0, -1.0, -1.0], [1.0, 2.0, -1.0], [1.0, 2.0, 3.0], [1.0, -1.0, 3.0]]);
-        let pieces = polygon(&FLOOR).cut([wall].iter());
+        let pieces = polygon(&FLOOR).cut([wall].iter()).0;
         assert_eq!(areas(&pieces), [12.0, 4.0]);
     }
 
@@ -171,13 +171,13 @@ mod tests {
     fn a_wall_on_the_floors_edge_and_one_above_it_cut_nothing() {
         let at_edge = polygon(&[[0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 4.0, 3.0], [0.0, 0.0, 3.0]]);
         let above = polygon(&[[1.0, 0.0, 0.1], [1.0, 4.0, 0.1], [1.0, 4.0, 3.0], [1.0, 0.0, 3.0]]);
-        assert_eq!(polygon(&FLOOR).cut([at_edge, above].iter()).len(), 1);
+        assert_eq!(polygon(&FLOOR).cut([at_edge, above].iter()).0.len(), 1);
     }
 
     #[test]
     fn a_base_on_the_floor_is_a_piece() {
         let base = polygon(&[[1.0, 1.0, 0.0], [1.0, 2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 1.0, 0.0]]);
-        let pieces = polygon(&FLOOR).cut([base].iter());
+        let pieces = polygon(&FLOOR).cut([base].iter()).0;
         let areas = areas(&pieces);
         assert!((areas.iter().sum::<f64>() - 16.0).abs() < 1e-12);
         let is_base = |piece: &Polygon| {

@@ -26,21 +26,24 @@ const FEW_RAYS: usize = 4;
 /// The uncertainty of a visibility after some rays, and after a ray for each cell, all of which agreed.
 const UNSEEN: [f64; 2] = [0.1, 0.03];
 
-/// What a receiver gets from a source, relative to the source's radiosity.
+/// What two nodes get from each other, relative to the other's radiance. Areas times factors are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Exchange {
-    /// The form factor with visibility: the mean over the receiver of what it sees of the source.
+    /// The form factor from the first node to the second with visibility: the mean over the first of what it sees of the
+    /// second.
     pub(super) factor: f64,
     /// The share of rays between the two that pass.
     pub(super) visibility: f64,
-    /// An estimate by how much the factor varies over the receiver, or may be wrong.
-    pub(super) spread: f64,
-    /// The part of the factor that a source of uneven radiance gets wrong, relative to the radiance's deviation.
-    pub(super) source_spread: f64,
+    /// Estimates by how much the factor varies over the first node, and the factor back over the second, or may be
+    /// wrong.
+    pub(super) spreads: [f64; 2],
+    /// The parts of both factors that a source of uneven radiance gets wrong, relative to the radiance's deviation.
+    pub(super) source_spreads: [f64; 2],
 }
 
 impl Exchange {
-    pub(super) const NOTHING: Exchange = Exchange { factor: 0.0, visibility: 0.0, spread: 0.0, source_spread: 0.0 };
+    pub(super) const NOTHING: Exchange =
+        Exchange { factor: 0.0, visibility: 0.0, spreads: [0.0; 2], source_spreads: [0.0; 2] };
 }
 
 /// The effort for visibility: whether a ray is traced for each cell.
@@ -65,7 +68,7 @@ fn face_each_other(p: &Element, normal_p: DVec3, q: &Element, normal_q: DVec3) -
 }
 
 impl PatchMesh<'_> {
-    /// What element `p` gets from element `q`. `effort` chooses the number of rays.
+    /// What elements `p` and `q` get from each other. `effort` chooses the number of rays.
     pub(super) fn between(&self, p: u32, q: u32, effort: Effort) -> Exchange {
         let [normal_p, normal_q] = [p, q].map(|element| self.normal_of(element));
         let [at_p, at_q] = [p, q].map(|element| &self.elements[element as usize]);
@@ -99,13 +102,12 @@ impl PatchMesh<'_> {
             let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
             high - low
         };
-        let unoccluded = mean * small.area * large.bare_share() / at_p.area;
-        let geometric = if sampled_p {
-            range(&mut values.iter().map(|&(value, _)| value))
-        } else {
-            // The cells in the receiver's quarters.
-            range(&mut (0..4).map(|cell| point_to_polygon(at_p.outline.cell(cell), normal_p, at_q.outline.corners())))
-        } * at_q.bare_share();
+        let power = mean * small.area * large.bare_share();
+        let over_small = range(&mut values.iter().map(|&(value, _)| value)) * large.bare_share();
+        // The cells in the quarters of the larger one.
+        let normal_large = if sampled_p { normal_q } else { normal_p };
+        let seen = |cell| point_to_polygon(large.outline.cell(cell), normal_large, small.outline.corners());
+        let over_large = range(&mut (0..4).map(seen)) * small.bare_share();
         let pair = if p < q { [at_p, at_q] } else { [at_q, at_p] };
         let (visibility, uncertain) = self.visibility(
             |ray| {
@@ -114,11 +116,21 @@ impl PatchMesh<'_> {
             },
             effort,
         );
-        let spread = geometric * visibility + unoccluded * uncertain;
-        let factor = unoccluded * visibility;
-        // How much nearer one end of the source may be than its middle.
-        let uneven = (2.0 * at_q.radius / at_p.center.distance(at_q.center)).min(1.0);
-        Exchange { factor, visibility, spread, source_spread: unoccluded * uneven.max(uncertain) }
+        let geometric = if sampled_p { [over_small, over_large] } else { [over_large, over_small] };
+        let distance = at_p.center.distance(at_q.center);
+        let of = |receiver: &Element, source: &Element, geometric: f64| {
+            let unoccluded = power / receiver.area;
+            // How much nearer one end of the source may be than its middle.
+            let uneven = (2.0 * source.radius / distance).min(1.0);
+            [geometric * visibility + unoccluded * uncertain, unoccluded * uneven.max(uncertain)]
+        };
+        let [there, back] = [of(at_p, at_q, geometric[0]), of(at_q, at_p, geometric[1])];
+        Exchange {
+            factor: power / at_p.area * visibility,
+            visibility,
+            spreads: [there[0], back[0]],
+            source_spreads: [there[1], back[1]],
+        }
     }
 
     /// The share of rays between pairs of points that pass, and its uncertainty.
@@ -143,7 +155,8 @@ impl PatchMesh<'_> {
         f64::from(self.world.transmittance(&Ray::new(from, to - from), BEFORE_END, 0.0, None, last, &mut ()))
     }
 
-    /// What a receiver gets from a source, of which at least one is a cluster. None if they are too near for a bound.
+    /// What two nodes get from each other, of which at least one is a cluster. The factor is left to their members. None
+    /// if they are too near for a bound.
     pub(super) fn between_clusters(&self, p: u32, q: u32, effort: Effort) -> Option<Exchange> {
         let ((center_p, radius_p), (center_q, radius_q)) = (self.ball(p), self.ball(q));
         let distance = center_p.distance(center_q);
@@ -152,22 +165,23 @@ impl PatchMesh<'_> {
             return if gap <= 0.0 { None } else { Some(Exchange::NOTHING) };
         }
         let direction = (center_q - center_p) / distance;
-        let source = self.projected(q, -direction);
         let (visibility, uncertain) =
             self.visibility(|ray| (self.sample(p, ray, direction), self.sample(q, opposite(ray), -direction)), effort);
-        // The bound of what a receiver at the nearest place sees.
-        let most = (self.largest_projected(q) / (PI * gap * gap)).min(1.0);
-        let middle = (source / (PI * distance * distance)).min(1.0);
-        let receiving = match self.element_of(p) {
-            Some(element) => self.normal_of(element).dot(direction).max(0.0),
-            // Sides of all directions receive a quarter.
-            None => 0.25,
+        let of = |receiver: u32, source: u32, direction: DVec3| {
+            // The bound of what a receiver at the nearest place sees.
+            let most = (self.largest_projected(source) / (PI * gap * gap)).min(1.0);
+            let middle = (self.projected(source, -direction) / (PI * distance * distance)).min(1.0);
+            let receiving = match self.element_of(receiver) {
+                Some(element) => self.normal_of(element).dot(direction).max(0.25),
+                // Sides of all directions receive a quarter.
+                None => 0.25,
+            };
+            let spread = (most - middle).max(0.0) * visibility + most * (uncertain + CLUSTER_ERROR);
+            // The sides of a cluster that face the receiver may be the dark ones.
+            [spread * receiving, middle * receiving]
         };
-        let factor = middle * receiving * visibility;
-        let spread = (most - middle).max(0.0) * visibility + most * (uncertain + CLUSTER_ERROR);
-        let receiving = receiving.max(0.25);
-        // The sides of a cluster that face the receiver may be the dark ones.
-        Some(Exchange { factor, visibility, spread: spread * receiving, source_spread: middle * receiving })
+        let [there, back] = [of(p, q, direction), of(q, p, -direction)];
+        Some(Exchange { factor: 0.0, visibility, spreads: [there[0], back[0]], source_spreads: [there[1], back[1]] })
     }
 
     /// The projected area of a node seen from a direction.

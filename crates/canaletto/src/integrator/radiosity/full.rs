@@ -40,18 +40,19 @@ pub(super) fn full(
     let leaves: Vec<u32> =
         (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
     let this = &*mesh;
-    let row = |&p: &u32| -> Vec<Link> {
+    let row = |number: usize| -> Vec<Link> {
         if observer.cancelled() {
             return Vec::new();
         }
+        let p = leaves[number];
         let to = |&q: &u32| {
             Some(this.between(p, q, Effort::Few))
                 .filter(|exchange| exchange.factor > 0.0)
-                .map(|exchange| Link::between(this.node(p), this.node(q), &exchange))
+                .map(|exchange| Link::between([p, q].map(|element| this.node(element)), &exchange))
         };
-        leaves.iter().filter_map(to).collect()
+        leaves[number + 1..].iter().filter_map(to).collect()
     };
-    let links: Vec<Link> = leaves.par_iter().flat_map_iter(row).collect();
+    let links: Vec<Link> = (0..leaves.len()).into_par_iter().flat_map_iter(row).collect();
     let (light, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
     Ok(Balanced { given, light, residual, links: links.len() })
 }

@@ -10,10 +10,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The largest error of a link, relative to the wanted error times all reflected light.
-const LINK_SHARE: f64 = 5e-4;
+const LINK_SHARE: f64 = 3e-4;
 
 /// The largest error of light without a patch on an element, relative to that of a link.
-const GIVEN_SHARE: f64 = 40.0;
+const GIVEN_SHARE: f64 = 60.0;
 
 /// The factors of the limit in successive rounds.
 const ROUNDS: [f64; 4] = [64.0, 8.0, 1.0, 1.0];

@@ -10,25 +10,24 @@ use crate::job::Observer;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A link: what a receiver gets from a source.
+/// A link between two nodes that get light from each other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Link {
-    pub(super) receiver: u32,
-    pub(super) source: u32,
-    /// The form factor with visibility.
+    pub(super) nodes: [u32; 2],
+    /// The form factor from the first node to the second with visibility. Links of clusters leave it to their members.
     pub(super) factor: f32,
     pub(super) visibility: f32,
-    /// The error of the power that the receiver reflects, for a source of radiance 1.
-    error: f32,
-    /// The error for a source whose radiance deviates from its mean by 1.
-    source_error: f32,
+    /// The errors of the powers that both nodes reflect, for a source of radiance 1.
+    errors: [f32; 2],
+    /// The errors for a source whose radiance deviates from its mean by 1.
+    source_errors: [f32; 2],
 }
 
 impl Link {
     /// The link of an exchange whose error doesn't matter.
-    pub(super) fn between(receiver: u32, source: u32, exchange: &Exchange) -> Link {
+    pub(super) fn between(nodes: [u32; 2], exchange: &Exchange) -> Link {
         let [factor, visibility] = [exchange.factor, exchange.visibility].map(|v| v as f32);
-        Link { receiver, source, factor, visibility, error: 0.0, source_error: 0.0 }
+        Link { nodes, factor, visibility, errors: [0.0; 2], source_errors: [0.0; 2] }
     }
 }
 
@@ -38,7 +37,7 @@ const STEP: usize = 1 << 16;
 /// A pair that is refined at once if it is this many times brighter than allowed gets a ray for each cell.
 const BRIGHT: f64 = 8.0;
 
-/// A pair of a receiver and a source.
+/// A pair of nodes that may get light from each other.
 type Pair = (u32, u32);
 
 /// What becomes of a pair.
@@ -62,13 +61,10 @@ pub(super) struct Refinement<'a, 'w> {
 impl Refinement<'_, '_> {
     /// Refines the links whose error exceeds the limit.
     pub(super) fn refine(&mut self, links: Vec<Link>, observer: &dyn Observer) -> Result<Vec<Link>, RadiosityError> {
-        let error = |link: &Link| {
-            f64::from(link.error) * self.radiance[link.source as usize].max_element()
-                + f64::from(link.source_error) * self.deviation[link.source as usize]
-        };
+        let error = |link: &Link| self.error(link);
         let (bad, mut kept): (Vec<Link>, Vec<Link>) = links.into_iter().partition(|link| error(link) > self.limit);
         let mut waiting = Vec::new();
-        let bad: Vec<Pair> = bad.iter().map(|link| (link.receiver, link.source)).collect();
+        let bad: Vec<Pair> = bad.iter().map(|link| link.nodes.into()).collect();
         let whole = self.replace_all(&bad, &mut waiting);
         self.keep_all(&whole, &mut kept);
         self.link_all(waiting, &mut kept, observer)?;
@@ -118,47 +114,47 @@ impl Refinement<'_, '_> {
         }
     }
 
-    fn link(&self, (receiver, source): Pair, exchange: Exchange) -> Option<Link> {
-        let reflectance = self.mesh.reflectance_of(receiver).max_element();
-        let power = reflectance * self.mesh.area_of(receiver);
-        let [error, source_error] = [exchange.spread, exchange.source_spread].map(|spread| (spread * power) as f32);
-        // A pair without light may get some after a refinement, when its source is brighter.
-        (exchange.factor > 0.0 || exchange.spread > 0.0).then_some(Link {
-            receiver,
-            source,
-            factor: exchange.factor as f32,
-            visibility: exchange.visibility as f32,
-            error,
-            source_error,
+    /// The link of an exchange, if light may pass.
+    fn link(&self, (p, q): Pair, exchange: Exchange) -> Option<Link> {
+        let power = [p, q].map(|node| self.mesh.reflectance_of(node).max_element() * self.mesh.area_of(node));
+        let errors = |spreads: [f64; 2]| [0, 1].map(|i| (spreads[i] * power[i]) as f32);
+        // A pair without light may get some after a refinement, when one of them is brighter.
+        (exchange.spreads != [0.0; 2]).then(|| Link {
+            errors: errors(exchange.spreads),
+            source_errors: errors(exchange.source_spreads),
+            ..Link::between([p, q], &exchange)
         })
     }
 
-    fn decide(&self, pair: Pair) -> Decision {
-        let (p, q) = pair;
-        let [area_p, area_q] = [p, q].map(|node| self.mesh.area_of(node));
-        if area_p == 0.0 || area_q == 0.0 {
-            return Decision::Drop;
-        }
-        let brightness = self.radiance[q as usize].max_element();
-        let power = self.mesh.reflectance_of(p).max_element() * area_p;
-        let error = |exchange: &Exchange| {
-            power * (exchange.spread * brightness + exchange.source_spread * self.deviation[q as usize])
+    /// The larger error of the powers that both nodes of a link reflect.
+    fn error(&self, link: &Link) -> f64 {
+        let of = |receiver: usize| {
+            let source = link.nodes[1 - receiver] as usize;
+            f64::from(link.errors[receiver]) * self.radiance[source].max_element()
+                + f64::from(link.source_errors[receiver]) * self.deviation[source]
         };
-        let Some(mut exchange) = self.exchange(pair, Effort::Few) else { return Decision::Refine };
-        // A few rays that agree are too few for a bright pair.
-        if (self.limit..self.limit * BRIGHT).contains(&error(&exchange)) {
-            exchange = self.exchange(pair, Effort::All).unwrap_or(exchange);
-        }
-        if exchange.spread == 0.0 {
-            return Decision::Drop;
-        }
-        if error(&exchange) > self.limit && self.divided(pair).is_some() {
-            return Decision::Refine;
-        }
-        self.link(pair, exchange).map_or(Decision::Drop, Decision::Keep)
+        of(0).max(of(1))
     }
 
-    /// Which node of a pair is replaced by its parts: the receiver (true) or the source.
+    fn decide(&self, pair: Pair) -> Decision {
+        if self.mesh.area_of(pair.0) == 0.0 || self.mesh.area_of(pair.1) == 0.0 {
+            return Decision::Drop;
+        }
+        let Some(exchange) = self.exchange(pair, Effort::Few) else { return Decision::Refine };
+        let Some(mut link) = self.link(pair, exchange) else { return Decision::Drop };
+        // A few rays that agree are too few for a bright pair.
+        if (self.limit..self.limit * BRIGHT).contains(&self.error(&link))
+            && let Some(exchange) = self.exchange(pair, Effort::All)
+        {
+            link = self.link(pair, exchange).unwrap_or(link);
+        }
+        if self.error(&link) > self.limit && self.divided(pair).is_some() {
+            return Decision::Refine;
+        }
+        Decision::Keep(link)
+    }
+
+    /// Which node of a pair is replaced by its parts: the first (true) or the second.
     fn divided(&self, (p, q): Pair) -> Option<bool> {
         let can = |node: u32| match self.mesh.element_of(node) {
             None => true,
@@ -204,7 +200,10 @@ impl Refinement<'_, '_> {
             let parts = chosen.map_or(Vec::new(), |first| self.mesh.children(if first { p } else { q }));
             match chosen {
                 _ if parts.is_empty() => whole.push((p, q)),
-                _ if p == q => waiting.extend(parts.iter().flat_map(|&a| parts.iter().map(move |&b| (a, b)))),
+                _ if p == q => {
+                    waiting
+                        .extend(parts.iter().enumerate().flat_map(|(i, &a)| parts[i..].iter().map(move |&b| (a, b))));
+                }
                 Some(true) => waiting.extend(parts.into_iter().map(|part| (part, q))),
                 _ => waiting.extend(parts.into_iter().map(|part| (p, part))),
             }

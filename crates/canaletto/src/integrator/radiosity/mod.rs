@@ -18,6 +18,7 @@ mod cuts;
 mod exchange;
 mod full;
 mod hierarchical;
+mod interpolation;
 mod link;
 mod mesh;
 mod outline;

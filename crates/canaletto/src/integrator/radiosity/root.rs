@@ -9,6 +9,7 @@ use crate::world::{Facet, Solids, World};
 use canaletto_bvh::{Aabb, Bvh};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The margin around a scene's bounds within which planes count, relative to the diagonal of the bounds.
 const PLANE_MARGIN: f32 = 1.0;
@@ -43,6 +44,9 @@ pub(super) struct Root {
     error: Vec3,
     /// The distance within which the exact surface lies.
     reach: f64,
+    /// The segments along which the surface was cut, and the distance within which points count as equal.
+    pub(super) cuts: Arc<[[DVec3; 2]]>,
+    pub(super) tolerance: f64,
     /// The boxes in which other surfaces may touch this one.
     pub(super) contacts: Vec<Aabb>,
 }
@@ -138,6 +142,7 @@ pub(super) fn roots(
     let tree = Bvh::build(&bounds).map_err(|problem| RadiosityError::Hierarchy(problem.to_string()))?;
     let sides = |number: usize| {
         let &(facet, last, outline) = &surfaces[number];
+        let mut cuts: Arc<[[DVec3; 2]]> = Arc::default();
         let outlines = match &polygons[number] {
             None => vec![outline],
             Some(own) => {
@@ -148,7 +153,8 @@ pub(super) fn roots(
                 });
                 near.retain(|&other| other != number && bounds[other].overlaps(&bounds[number]));
                 near.sort_unstable();
-                let pieces = own.cut(near.into_iter().filter_map(|other| polygons[other].as_ref()));
+                let (pieces, segments) = own.cut(near.into_iter().filter_map(|other| polygons[other].as_ref()));
+                cuts = segments.into();
                 if pieces.len() == 1 { vec![outline] } else { pieces.iter().flat_map(Polygon::outlines).collect() }
             }
         };
@@ -157,7 +163,7 @@ pub(super) fn roots(
         let whole = root(world, solids, facet, last, outline, tolerance);
         let side = |outline: Outline| {
             let reach = if facet.is_flat { outline.radius() * FLAT_REACH } else { whole.reach };
-            let outer = Root { outline, reach, ..whole.clone() };
+            let outer = Root { outline, reach, cuts: cuts.clone(), ..whole.clone() };
             let (normal, outline) = (-outer.normal, outline.reversed());
             let inner = is_open.then(|| Root { is_outer: false, normal, outline, ..outer.clone() });
             std::iter::once(outer).chain(inner)
@@ -186,6 +192,8 @@ fn root(world: &World, solids: &Solids, facet: &Facet, last: u32, outline: Outli
         joined: [0, 1, 2].map(|i| outline.corners()[i]),
         error: rounding(far),
         reach,
+        cuts: Arc::default(),
+        tolerance: f64::from(rounding_in(&bounds)),
         contacts: Vec::new(),
     };
     let middle = root.outline.cell(0);

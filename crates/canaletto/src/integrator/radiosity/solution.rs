@@ -2,6 +2,7 @@
 
 use super::Balanced;
 use super::hierarchical::Given;
+use super::interpolation::Interpolation;
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
 use glam::DVec3;
@@ -72,6 +73,7 @@ pub struct RadiositySolution {
     patches: Vec<Patch>,
     outlines: Vec<Outline>,
     elements: Vec<SolvedElement>,
+    interpolation: Interpolation,
     /// Instance, primitive, side and part of each root, with its element, in order.
     roots: Vec<(u32, u32, bool, u32, u32)>,
     /// The largest change by one more bounce, relative to all light.
@@ -125,7 +127,19 @@ impl RadiositySolution {
             }
         }
         roots.sort_unstable();
-        RadiositySolution { patches, outlines, elements, roots, residual, links, limit_reached: mesh.limit_reached }
+        let light: Vec<ArrivingLight> =
+            patches.iter().map(|p: &Patch| ArrivingLight { direct: p.direct, indirect: p.indirect }).collect();
+        let interpolation = Interpolation::new(mesh, &light);
+        RadiositySolution {
+            interpolation,
+            patches,
+            outlines,
+            elements,
+            roots,
+            residual,
+            links,
+            limit_reached: mesh.limit_reached,
+        }
     }
 
     /// All patches.
@@ -154,8 +168,10 @@ impl RadiositySolution {
         is_outer: bool,
         point: DVec3,
     ) -> Option<ArrivingLight> {
-        let patch = &self.patches[self.patch_at(instance, primitive, part, is_outer, point)?];
-        Some(ArrivingLight { direct: patch.direct, indirect: patch.indirect })
+        let number = self.patch_at(instance, primitive, part, is_outer, point)?;
+        let patch = &self.patches[number];
+        let own = ArrivingLight { direct: patch.direct, indirect: patch.indirect };
+        Some(self.interpolation.at(number, patch.center, &own, point))
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

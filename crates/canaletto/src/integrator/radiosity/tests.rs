@@ -153,7 +153,7 @@ const CORNELL_FACES: [(u32, u32, [f64; 3], f64); 15] = [
 fn the_cornell_box_agrees_with_a_dense_solution() {
     let world = World::build(cornell()).unwrap();
     let started = std::time::Instant::now();
-    let solution = RadiositySolution::solve(&world, &settings(RadiosityMethod::Hierarchical, 0.006), &()).unwrap();
+    let solution = RadiositySolution::solve(&world, &settings(RadiosityMethod::Hierarchical, 0.01), &()).unwrap();
     println!("patches {}, {} links, {:?}", solution.patches().len(), solution.links, started.elapsed());
     let mut worst = 0.0;
     for (mesh, face, expected, tolerance) in CORNELL_FACES {
@@ -211,7 +211,7 @@ fn no_light_is_lost_in_a_closed_room() {
     let lamp = Shape::Box(Cuboid { min: Vec3::new(-0.5, 1.5, -0.3), max: Vec3::new(0.7, 2.0, 0.9) });
     let nodes = vec![Node::from(cube(-2.0, 2.0)).with_material(0), Node::from(lamp).with_material(1)];
     let world = World::build(Scene { materials, nodes, ..Scene::default() }).unwrap();
-    for (method, tolerance) in [(RadiosityMethod::Full, 1e-6), (RadiosityMethod::Hierarchical, 1e-2)] {
+    for (method, tolerance) in [(RadiosityMethod::Full, 1e-6), (RadiosityMethod::Hierarchical, 2e-3)] {
         let error = if method == RadiosityMethod::Hierarchical { 0.01 } else { 0.06 };
         let solution = RadiositySolution::solve(&world, &settings(method, error), &()).unwrap();
         let sum = |of: &dyn Fn(&Patch) -> DVec3| solution.patches().iter().map(|p| of(p) * p.area).sum::<DVec3>();

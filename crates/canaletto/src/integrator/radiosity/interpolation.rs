@@ -1,0 +1,159 @@
+//! Interpolation of a solution between patches, without cracks where patches of different sizes meet.
+//!
+//! Each vertex has the mean light of the patches around it. A patch counts vertices on its edges that finer neighbours
+//! have, too. It is a fan of triangles from its centre, with linear light in each. Patches on both sides of an edge thus
+//! have equal light along it. No light is shared across contacts, where a wall may stand between two patches.
+
+use super::mesh::{Element, PatchMesh};
+use super::solution::ArrivingLight;
+use glam::DVec3;
+use std::collections::HashMap;
+
+/// The steps per unit in which normals of flat surfaces that share vertices are equal.
+const NORMAL_STEPS: f64 = 256.0;
+
+/// The place of a vertex and the surface that it belongs to.
+#[derive(Clone, PartialEq, Eq, Hash)]
+struct Key {
+    place: [u64; 3],
+    instance: u32,
+    /// The primitive and part of a curved surface, or the rounded normal of a flat one.
+    surface: [i32; 3],
+    is_flat: bool,
+    is_outer: bool,
+    material: u32,
+    /// On which side of each contact through the vertex the patch lies.
+    sides: u64,
+}
+
+/// The vertices of all patches with their light.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Interpolation {
+    points: Vec<DVec3>,
+    light: Vec<ArrivingLight>,
+    /// For each patch, the first of its vertices in `boundary`; the last number is the number of all.
+    firsts: Vec<u32>,
+    boundary: Vec<u32>,
+}
+
+impl Interpolation {
+    /// The vertices of all leaves of a mesh, whose light is `light`, in the order of the leaves.
+    pub(super) fn new(mesh: &PatchMesh, light: &[ArrivingLight]) -> Interpolation {
+        let leaves: Vec<&Element> = mesh.elements.iter().filter(|element| element.is_leaf()).collect();
+        let mut numbers: HashMap<Key, u32> = HashMap::new();
+        let mut points = Vec::new();
+        for element in &leaves {
+            for &corner in element.outline.corners() {
+                numbers.entry(key(mesh, element, corner)).or_insert_with(|| {
+                    points.push(corner);
+                    points.len() as u32 - 1
+                });
+            }
+        }
+        let (mut firsts, mut boundary) = (vec![0], Vec::new());
+        for element in &leaves {
+            let corners = element.outline.corners();
+            for (i, &from) in corners.iter().enumerate() {
+                boundary.extend(numbers.get(&key(mesh, element, from)));
+                hanging(mesh, element, [from, corners[(i + 1) % corners.len()]], &numbers, &mut boundary);
+            }
+            firsts.push(boundary.len() as u32);
+        }
+        let mut sums = vec![(0.0, ArrivingLight::default()); points.len()];
+        for (patch, element) in leaves.iter().enumerate().filter(|(_, element)| element.area > 0.0) {
+            for &vertex in &boundary[firsts[patch] as usize..firsts[patch + 1] as usize] {
+                let weight = 1.0 / points[vertex as usize].distance(element.center);
+                let (weights, sum) = &mut sums[vertex as usize];
+                *weights += weight;
+                sum.direct += light[patch].direct * weight;
+                sum.indirect += light[patch].indirect * weight;
+            }
+        }
+        let mean = |(weight, sum): (f64, ArrivingLight)| match weight {
+            0.0 => ArrivingLight::default(),
+            _ => ArrivingLight { direct: sum.direct / weight, indirect: sum.indirect / weight },
+        };
+        Interpolation { points, light: sums.into_iter().map(mean).collect(), firsts, boundary }
+    }
+
+    /// The light at a point of a patch, whose centre and light are given.
+    pub(super) fn at(&self, patch: usize, center: DVec3, own: &ArrivingLight, point: DVec3) -> ArrivingLight {
+        let vertices = &self.boundary[self.firsts[patch] as usize..self.firsts[patch + 1] as usize];
+        let mut best: Option<(f64, [f64; 3], [u32; 2])> = None;
+        for (i, &a) in vertices.iter().enumerate() {
+            let b = vertices[(i + 1) % vertices.len()];
+            let [to_a, to_b] = [a, b].map(|vertex| self.points[vertex as usize] - center);
+            let normal = to_a.cross(to_b);
+            let square = normal.length_squared();
+            if square == 0.0 {
+                continue;
+            }
+            let p = point - center;
+            let (v, w) = (p.cross(to_b).dot(normal) / square, to_a.cross(p).dot(normal) / square);
+            let weights = [1.0 - v - w, v, w];
+            // The triangle that the point is in is the one in whose angle at the centre it lies.
+            let inside = v.min(w);
+            if best.is_none_or(|(before, ..)| inside > before) {
+                best = Some((inside, weights, [a, b]));
+            }
+        }
+        let Some((_, weights, [a, b])) = best else { return *own };
+        let weights = weights.map(|weight| weight.max(0.0));
+        let sum: f64 = weights.iter().sum();
+        let [a, b] = [a, b].map(|vertex| &self.light[vertex as usize]);
+        let mean = |of: &dyn Fn(&ArrivingLight) -> DVec3| {
+            (of(own) * weights[0] + of(a) * weights[1] + of(b) * weights[2]) / sum
+        };
+        ArrivingLight { direct: mean(&|light| light.direct), indirect: mean(&|light| light.indirect) }
+    }
+}
+
+/// The vertices of finer neighbours between the ends of an edge.
+fn hanging(
+    mesh: &PatchMesh,
+    element: &Element,
+    [from, to]: [DVec3; 2],
+    numbers: &HashMap<Key, u32>,
+    found: &mut Vec<u32>,
+) {
+    let middle = (from + to) * 0.5;
+    if middle == from || middle == to {
+        return;
+    }
+    if let Some(&vertex) = numbers.get(&key(mesh, element, middle)) {
+        hanging(mesh, element, [from, middle], numbers, found);
+        found.push(vertex);
+        hanging(mesh, element, [middle, to], numbers, found);
+    }
+}
+
+fn key(mesh: &PatchMesh, element: &Element, point: DVec3) -> Key {
+    let root = &mesh.roots[element.root as usize];
+    let surface = if root.is_flat {
+        (root.normal * NORMAL_STEPS).round().to_array().map(|v| v as i32)
+    } else {
+        [root.primitives[0] as i32, root.part as i32, 0]
+    };
+    let mut sides = 0;
+    for (i, [from, to]) in root.cuts.iter().enumerate() {
+        let way = *to - *from;
+        let along = (point - *from).dot(way) / way.length_squared();
+        let off = (point - *from - way * along).length();
+        let slack = root.tolerance / way.length();
+        if off <= 4.0 * root.tolerance && (-slack..=1.0 + slack).contains(&along) {
+            // The normal of the outer side, which both sides of a surface have in common.
+            let side = root.normal.cross(way).dot(element.center - *from);
+            sides |= if side > 0.0 { 1 << (i % 32) } else { 1 << (32 + i % 32) };
+        }
+    }
+    Key {
+        // −0 becomes 0.
+        place: (point + 0.0).to_array().map(f64::to_bits),
+        instance: root.instance,
+        surface,
+        is_flat: root.is_flat,
+        is_outer: root.is_outer,
+        material: root.material,
+        sides,
+    }
+}
