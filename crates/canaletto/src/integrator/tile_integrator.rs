@@ -39,6 +39,11 @@ pub(crate) trait TileWorker {
 
 /// What the threads of an integrator of rays share: its settings, and what was prepared for the world.
 pub(crate) trait PreparedRayIntegrator: Sync {
+    /// What was counted while the integrator was prepared.
+    fn preparation_counts(&self) -> Counts {
+        Counts::default()
+    }
+
     /// The integrator of one thread.
     type Worker<'a>: RayIntegrator<'a>
     where

@@ -16,6 +16,10 @@ pub(super) struct CameraTiles<'w, I> {
 }
 
 impl<I: PreparedRayIntegrator> TileIntegrator for CameraTiles<'_, I> {
+    fn preparation_counts(&self) -> Counts {
+        self.integrator.preparation_counts()
+    }
+
     fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a> {
         Box::new(CameraTileWorker {
             job: self.job,

@@ -66,6 +66,7 @@ const MORE: &[&str] = &[
     "texture \"t\" file=\"bricks.png\"\nmaterial \"m\" { texture \"t\" use=\"normal\"; texture \"t\" use=\"displace\" height=1 }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center 0 0 0; radius 1; follow \"p\" { at 0.5; face 1 0 0 } }",
     "integrator \"zbuffer\" { shading \"flat\" }",
+    "integrator \"radiosity\" { method \"shooting\"; error 0.1 }",
     "path \"p\" { points 0 0 0  1 0 0 }\ncamera { follow \"p\" along=#true }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center { follow \"p\" at=1 }; radius 1 }",
 ];

@@ -2,7 +2,7 @@
 //! of ambient light.
 
 use super::{RadiosityError, RadiositySolution};
-use crate::integrator::{Cancelled, PreparedRayIntegrator, Whitted};
+use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, Whitted};
 use crate::job::{JobError, Observer};
 use crate::math::Rgb;
 use crate::scene::{RadiositySettings, RadiosityShow, Stage, WhittedSettings};
@@ -84,6 +84,15 @@ fn second_pass(show: RadiosityShow) -> WhittedSettings {
 
 impl PreparedRayIntegrator for PreparedRadiosity {
     type Worker<'a> = Whitted<'a>;
+
+    fn preparation_counts(&self) -> Counts {
+        let solution = &self.shown.solution;
+        let mut others = vec![("patches", solution.patches().len() as u64), ("links", solution.links as u64)];
+        if solution.limit_reached {
+            others.push(("patch limit reached", 1));
+        }
+        Counts { others, ..Counts::default() }
+    }
 
     fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> Whitted<'a> {
         self.whitted(world).with_cancel(cancelled)

@@ -56,10 +56,16 @@ pub struct ArrivingLight {
     pub indirect: DVec3,
 }
 
+/// The squared distance from the centre, relative to the squared radius, within which a point of a curved surface may
+/// belong to a facet.
+const IN_BALL: f64 = 1.21;
+
 /// A root or a part of one.
 #[derive(Clone, Debug)]
 pub(super) struct SolvedElement {
     pub(super) outline: Outline,
+    /// The ball around it.
+    ball: (DVec3, f64),
     /// The first part, and the number of parts.
     first: u32,
     parts: u32,
@@ -105,6 +111,7 @@ impl RadiositySolution {
             let patch = if element.is_leaf() { patches.len() as u32 } else { NONE };
             elements.push(SolvedElement {
                 outline: element.outline,
+                ball: (element.center, element.radius),
                 first: element.first_part,
                 parts: element.parts,
                 patch,
@@ -195,7 +202,14 @@ impl RadiositySolution {
                     let (square, out) = outside(outline(root));
                     square + out.max(0.0) * out.max(0.0)
                 };
-                several.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?.4
+                // Few facets of a curved surface have the point in the ball around them.
+                let is_near = |root: &&(u32, u32, bool, u32, u32)| {
+                    let SolvedElement { ball: (center, radius), .. } = &self.elements[root.4 as usize];
+                    center.distance_squared(point) <= radius * radius * IN_BALL
+                };
+                let nearest = |a: &&_, b: &&_| distance(a).total_cmp(&distance(b));
+                let near = several.iter().filter(is_near).min_by(nearest);
+                near.or_else(|| several.iter().min_by(nearest))?.4
             }
         };
         loop {

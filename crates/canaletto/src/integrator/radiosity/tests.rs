@@ -4,7 +4,7 @@ use super::*;
 use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::Rgb;
-use crate::scene::{Node, Scene};
+use crate::scene::{Node, RadiosityShow, Scene};
 use crate::shape::{Cuboid, Mesh, Shape};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -378,4 +378,50 @@ fn what_has_no_solution_says_why() {
     let few = RadiositySettings { max_patches: 7, ..full };
     assert!(solve(vec![kd("wall", 0.5)], lit(), few).contains("more than 7 patches"));
     assert!(solve(vec![kd("wall", 0.5)], lit(), RadiositySettings { error: 0.0, ..full }).contains("error is 0"));
+}
+
+#[test]
+fn the_limit_of_patches_is_kept_and_told() {
+    let world = World::build(cornell()).unwrap();
+    let few = RadiositySettings { max_patches: 300, ..settings(RadiosityMethod::Hierarchical, 0.01) };
+    let solution = RadiositySolution::solve(&world, &few, &()).unwrap();
+    assert!(solution.limit_reached && solution.patches().len() <= 300, "{}", solution.patches().len());
+    // The light of the room is about right all the same.
+    let back = |patch: &&Patch| patch.is_outer && patch.instance == 1 && patch.primitive / 2 == 2;
+    let light: f64 = solution.patches().iter().filter(back).map(|patch| patch.indirect.x * patch.area).sum();
+    assert!((light / 303376.6 / 0.2313 - 1.0).abs() < 0.2, "{}", light / 303376.6);
+}
+
+/// Rays that are traced together see what each sees alone, and an explanation adds up to its pixel.
+#[test]
+fn pictures_are_equal_ray_by_ray() {
+    use crate::camera::Camera;
+    use crate::job::{Aov, Job};
+    use crate::scene::{Extrinsics, FilmSettings, Intrinsics};
+    let mut scene = still_life(1.0);
+    scene.nodes.push(omni(Vec3::new(3.0, 4.0, 3.0)));
+    scene.materials[0].model.phong_mut().k = Rgb::gray(0.2);
+    let world = World::build(scene).unwrap();
+    let intrinsics = Intrinsics { width: 40, height: 30, ..Intrinsics::default() };
+    let extrinsics =
+        Extrinsics { eye: DVec3::new(1.0, 3.0, 8.0), center: DVec3::new(0.0, 1.0, 0.0), ..Extrinsics::default() };
+    let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+    for show in [RadiosityShow::Patches, RadiosityShow::Solution, RadiosityShow::Full] {
+        let settings = RadiositySettings { show, ..settings(RadiosityMethod::Hierarchical, 0.1) };
+        let mut job = Job::new(camera.clone(), FilmSettings::default(), settings);
+        let together = crate::render::render(&world, &job, &()).unwrap();
+        assert!(together.counts.others.iter().any(|(name, count)| *name == "patches" && *count > 100));
+        let tree = crate::explain::explain(&world, &job, 20, 18).unwrap();
+        assert_eq!(tree.sum(), together.picture.pixel(20, 18), "{show:?}");
+        job.aovs = vec![Aov::Ambient, Aov::ObjectId];
+        let alone = crate::render::render(&world, &job, &()).unwrap();
+        let lit = (0..30).flat_map(|y| (0..40).map(move |x| (x, y)));
+        let mut bright = 0;
+        for (x, y) in lit {
+            let [a, b] = [&together, &alone].map(|rendering| rendering.picture.pixel(x, y));
+            assert_eq!(a, b, "{show:?} {x} {y}");
+            bright += usize::from(a.max_component() > 0.05);
+        }
+        assert!(bright > 200, "{show:?}: {bright}");
+    }
 }
