@@ -1,7 +1,9 @@
 //! The z-buffer against ray casting: equal objects away from edges, equal colours, equal bytes for any thread count.
 
 use canaletto::camera::Camera;
-use canaletto::light::{Light, LightKind, Omni};
+use canaletto::diagnose::{Omission, omissions};
+use canaletto::explain::explain;
+use canaletto::light::{Directional, Falloff, Light, LightKind, Omni, Spot};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, Rendering, render};
@@ -133,7 +135,7 @@ fn random_camera(random: &mut Random, size: [u32; 2]) -> Camera {
     Camera::new(&intrinsics, &extrinsics).unwrap()
 }
 
-/// What a ray through a place sees between the planes: the number of the object, 0 for none, and that of the primitive in
+/// What a ray through a place sees between the planes: the number of the object, 0 for none, and the primitive in
 /// a cloud, whose elements may hide gaps behind each other.
 fn cast(world: &World, camera: &Camera, [x, y]: [f64; 2]) -> [u32; 2] {
     let (eye, d) = camera.chapter_ray(x, y);
@@ -268,4 +270,91 @@ fn a_ray_that_sees_nothing_has_the_background() {
     let job = Job { integrator: ZbufferSettings::default().into(), ..job };
     let picture = render(&world, &job, &()).unwrap().picture;
     assert!(picture.pixels.iter().all(|pixel| *pixel == Rgb::new(0.1, 0.2, 0.3)));
+}
+
+#[test]
+fn the_explanations_sum_is_the_pixel() {
+    let zbuffers = [
+        ZbufferSettings { shadow_map_size: 64, multisampling: 4, ..ZbufferSettings::default() },
+        ZbufferSettings { shadow_map_size: 64, shading: Shading::Gouraud, ..ZbufferSettings::default() },
+        ZbufferSettings { shadows: ShadowMethod::None, shading: Shading::Flat, ..ZbufferSettings::default() },
+    ];
+    for scene in [still_life, textured_still_life] {
+        let world = World::build(scene(1.0)).unwrap();
+        for settings in zbuffers {
+            let job = Job { integrator: settings.into(), ..still_life_job(1.0, 40, 30, Sampling::Center) };
+            let picture = render(&world, &job, &()).unwrap().picture;
+            let mut hidden = 0;
+            for i in 0..30 {
+                let [x, y] = [i * 11 % 40, i];
+                let tree = explain(&world, &job, x, y).unwrap();
+                assert_eq!(
+                    (tree.sum(), tree.color),
+                    (picture.pixel(x, y), picture.pixel(x, y)),
+                    "{settings:?} {x}, {y}"
+                );
+                hidden += tree.samples.iter().flat_map(|sample| &sample.raster).map(|r| r.rivals.len()).sum::<usize>();
+            }
+            assert!(hidden > 0);
+        }
+    }
+}
+
+/// A ball over a floor, under a lamp of any kind: away from the edges of the shadow, maps agree with shadow rays.
+#[test]
+fn shadow_maps_agree_with_shadow_rays_away_from_edges() {
+    let lamps = [
+        LightKind::Omni(Omni::at(Vec3::new(1.0, 6.0, 2.0))),
+        LightKind::Directional(Directional { towards: Vec3::new(-0.2, -1.0, -0.3), beam: None }),
+        LightKind::Spot(Spot {
+            position: Vec3::new(1.0, 6.0, 2.0),
+            target: Vec3::ZERO,
+            falloff: Falloff::Smooth { inner: 20.0, outer: 30.0 },
+        }),
+    ];
+    for lamp in lamps {
+        let floor = Shape::Box(Cuboid { min: Vec3::new(-4.0, -1.0, -4.0), max: Vec3::new(4.0, 0.0, 4.0) });
+        let ball = Shape::Sphere(Sphere { center: Vec3::new(0.0, 1.5, 0.0), radius: 1.0 });
+        let nodes =
+            vec![Node::from(floor), Node::from(ball), Node::new(Content::Light(Light::new(lamp.clone(), Rgb::WHITE)))];
+        let world = World::build(Scene { nodes, ..Scene::default() }).unwrap();
+        let camera = Camera::new(
+            &Intrinsics { fovy: 50.0, width: 120, height: 90, near: 0.1, far: 100.0, ..Intrinsics::default() },
+            &Extrinsics { eye: DVec3::new(0.0, 5.0, 8.0), center: DVec3::ZERO, up: DVec3::Y },
+        )
+        .unwrap();
+        let of = |integrator: canaletto::scene::Integrator| {
+            render(&world, &Job::new(camera.clone(), FilmSettings::default(), integrator), &()).unwrap().picture
+        };
+        let found = of(ZbufferSettings { tolerance: 0.1, ..ZbufferSettings::default() }.into());
+        let expected = of(WhittedSettings { stage: Stage::Shadow, ..WhittedSettings::default() }.into());
+        let differs = |a: Rgb, b: Rgb| (a - b).max_component().max((b - a).max_component()) > 0.02;
+        let is_even = |x: u32, y: u32| {
+            let own = expected.pixel(x, y);
+            (x - 1..=x + 1).all(|i| (y - 1..=y + 1).all(|j| !differs(expected.pixel(i, j), own)))
+        };
+        let (mut compared, mut dark) = (0, 0);
+        for (x, y) in (1..119).flat_map(|x| (1..89).map(move |y| (x, y))).filter(|(x, y)| is_even(*x, *y)) {
+            let (a, b) = (found.pixel(x, y), expected.pixel(x, y));
+            assert!(!differs(a, b), "{lamp:?}: pixel {x}, {y} is {a:?} instead of {b:?}");
+            compared += 1;
+            dark += u32::from(b == Rgb::BLACK);
+        }
+        assert!(compared > 6000 && dark > 300, "{compared} {dark}");
+    }
+}
+
+#[test]
+fn what_a_zbuffer_cannot_do_is_told_by_name() {
+    let world = World::build(still_life(1.0)).unwrap();
+    let job =
+        Job { integrator: ZbufferSettings::default().into(), ..still_life_job(1.0, 40, 30, Sampling::Jittered(2)) };
+    let told: Vec<String> = omissions(&world, &job).iter().map(Omission::to_string).collect();
+    for (about, name) in
+        [("reflections", "sphere"), ("refracts", "glass ball"), ("penumbrae", "disk light"), ("2 x 2", "")]
+    {
+        assert!(told.iter().any(|t| t.contains(about) && t.contains(name)), "{about}: {told:#?}");
+    }
+    let classic = Job { integrator: WhittedSettings::default().into(), ..job };
+    assert!(omissions(&world, &classic).is_empty());
 }

@@ -20,6 +20,8 @@ pub(super) struct Facets {
     pub(super) color: Option<Rgb>,
     /// Whether the triangles are the shape itself, so that its own surface is evaluated.
     pub(super) is_exact: bool,
+    /// The tolerance in the shape's space.
+    pub(super) tolerance: f64,
     /// Whether the tolerance would have needed too many triangles.
     pub(super) is_coarse: bool,
 }
@@ -86,7 +88,7 @@ impl Facets {
             one_sided,
             ..Mesh::default()
         };
-        Facets { mesh, parts: tessellation.parts, color, is_exact, is_coarse: length > wanted }
+        Facets { mesh, parts: tessellation.parts, color, is_exact, tolerance: length, is_coarse: length > wanted }
     }
 
     /// The corners of a triangle in the shape's space.

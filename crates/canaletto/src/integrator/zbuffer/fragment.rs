@@ -126,17 +126,21 @@ impl VisibleTriangle<'_> {
     /// The parameter t where a line from the viewer meets the curved surface that the triangle stands for. `t` is where
     /// it meets the triangle; it is returned if the surface isn't met near it on the same side.
     pub(super) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
-        let Some(shape) = &self.shape else { return t };
+        let (Some(shape), Some(facets)) = (&self.shape, self.facets) else { return t };
         let local = self.to_local(line);
         let [a, b, c] = self.corners.map(Vec3::as_dvec3);
-        let is_front = (b - a).cross(c - a).dot(local.direction) < 0.0;
+        let slope = (b - a).cross(c - a).normalize_or_zero().dot(local.direction);
+        let is_front = slope < 0.0;
         let place = DRay { origin: local.origin + local.direction * t, direction: local.direction };
         // A front is met where the line enters the body, a back where it leaves it.
         let met = |sign: f64| {
             let line = DRay { direction: place.direction * sign, ..place };
             let hit = shape.intersect(&line.rounded(), f32::INFINITY)?;
             let normal = shape.surface(line, &hit).normal;
-            ((normal.dot(place.direction) < 0.0) == is_front).then_some(f64::from(hit.t) * sign)
+            let step = f64::from(hit.t);
+            // What lies farther from the triangle's plane than the tolerance is another part of the surface.
+            let is_near = step * slope.abs() <= 2.0 * facets.tolerance;
+            (is_near && (normal.dot(place.direction) < 0.0) == is_front).then_some(step * sign)
         };
         match (met(-1.0), met(1.0)) {
             (Some(before), Some(after)) => t + if -before <= after { before } else { after },

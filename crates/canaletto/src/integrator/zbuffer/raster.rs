@@ -277,3 +277,81 @@ impl Edge {
         Edge { value, right: (a[1] - b[1]) * SUBPIXELS, up: (b[0] - a[0]) * SUBPIXELS }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::projection::depth_plane;
+    use super::*;
+    use crate::shape::testing::Random;
+
+    const SOURCE: Source = Source { instance: 0, primitive: 0, triangle: 0, is_of_mesh: true };
+
+    fn triangle(corners: [[f64; 3]; 3]) -> Option<ScreenTriangle> {
+        // Places in pixels at a depth of z.
+        let corners = corners.map(|[x, y, z]| DVec4::new(x * z, y * z, z, 1.0));
+        ScreenTriangle::new(corners, depth_plane(corners)?, SOURCE)
+    }
+
+    /// A fan around a point covers each sample of a square exactly once, whatever the order of the corners.
+    #[test]
+    fn neighbours_share_no_sample_and_leave_none_out() {
+        const SIDE: usize = 32;
+        let random = &mut Random(81);
+        for round in 0..200 {
+            // Many corners lie on samples, and many edges run through them.
+            let coarse = round % 2 == 0;
+            let mut place = || {
+                let v = f64::from(random.unit()) * SIDE as f64;
+                if coarse { v.round() + 0.5 } else { v }
+            };
+            let middle = [place(), place(), 2.0];
+            let far = 4.0 * SIDE as f64;
+            let ring = [[-far, -far], [far, -far], [far, far], [place(), far], [-far, far], [-far, place()]];
+            let sites = Sites::pattern([1, 2, 4, 8][round % 4], [0.5; 2]);
+            let mut covered = vec![0; SIDE * SIDE * sites.len()];
+            for i in 0..ring.len() {
+                let [a, b] = [ring[i], ring[(i + 1) % ring.len()]].map(|[x, y]| [x, y, 2.0]);
+                let corners = if i % 2 == 0 { [middle, a, b] } else { [b, a, middle] };
+                let Some(triangle) = triangle(corners) else { continue };
+                let mut buffer = VisibilityBuffer::default();
+                buffer.reset([0; 2], [SIDE as i32; 2], &sites, 0.0);
+                buffer.draw(&triangle, 0, &sites, |_, depth| Some(depth));
+                covered.iter_mut().zip(&buffer.numbers).for_each(|(n, number)| *n += u32::from(*number == 0));
+            }
+            assert!(covered.iter().all(|n| *n == 1), "round {round}");
+        }
+    }
+
+    #[test]
+    fn depth_is_that_of_the_plane_at_each_sample() {
+        // The plane z = 1 + x / 8 of the places (x z, y z): 1/z isn't affine in x z, but on the screen it is.
+        let z = |x: f64| 1.0 / (0.5 + x / 64.0);
+        let corners = [[0.0, 0.0], [16.0, 0.0], [0.0, 16.0]].map(|[x, y]: [f64; 2]| [x, y, z(x)]);
+        let triangle = triangle(corners).unwrap();
+        for x in 0..16 {
+            let x = f64::from(x) + 0.5;
+            assert!((f64::from(triangle.depth(x, 0.25)) - 1.0 / z(x)).abs() < 1e-6, "{x}");
+        }
+    }
+
+    #[test]
+    fn the_nearer_triangle_is_seen_in_any_order() {
+        let corners = |z: f64| [[0.0, 0.0, z], [8.0, 0.0, z], [0.0, 8.0, z]];
+        let [near, far] = [1.0, 2.0].map(|z| triangle(corners(z)).unwrap());
+        let sites = Sites::pattern(1, [0.5; 2]);
+        for order in [[0, 1], [1, 0]] {
+            let mut buffer = VisibilityBuffer::default();
+            buffer.reset([0; 2], [8; 2], &sites, 0.25);
+            for number in order {
+                buffer.draw([&near, &far][number as usize], number, &sites, |_, depth| Some(depth));
+            }
+            assert_eq!((buffer.number(0, 0), buffer.number(0, 63)), (0, NOTHING));
+        }
+        // What lies beyond the far plane at z = 4 isn't drawn.
+        let beyond = triangle(corners(5.0)).unwrap();
+        let mut buffer = VisibilityBuffer::default();
+        buffer.reset([0; 2], [8; 2], &sites, 0.25);
+        buffer.draw(&beyond, 0, &sites, |_, depth| Some(depth));
+        assert_eq!(buffer.number(0, 0), NOTHING);
+    }
+}
