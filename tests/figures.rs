@@ -46,7 +46,8 @@ const FIGURES: [(&str, bool); 26] = [
 ];
 
 /// Other scenes whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 9] = [
+const PICTURES: [(&str, &str); 10] = [
+    ("scenes", "zbuffer"),
     ("scenes", "mesh-pictures"),
     ("scenes", "sky"),
     ("scenes", "area-lights"),

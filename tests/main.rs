@@ -6,6 +6,7 @@ mod animation;
 mod area_lights;
 mod bundles;
 mod cases;
+mod causes;
 mod chapter;
 mod determinism;
 mod distributed;

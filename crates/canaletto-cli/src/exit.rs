@@ -26,7 +26,7 @@ impl Exit {
         (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
         (Exit::Scene, "the scene, or a file that it names, is wrong or missing"),
-        (Exit::Threshold, "compare: the pictures differ by more than a threshold"),
+        (Exit::Threshold, "compare, compare-methods: the pictures differ by more than a threshold"),
         (
             Exit::Interrupted,
             "interrupted; render keeps finished frames, and the finished part of a picture as name.partial.png",

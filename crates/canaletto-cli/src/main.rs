@@ -35,7 +35,7 @@ mod terminal;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
-use command::{check, compare, completions, explain, form_factor, info, man, render};
+use command::{check, compare, compare_methods, completions, explain, form_factor, info, man, render};
 use exit::Exit;
 use failure::Failure;
 use std::io::Write;
@@ -74,6 +74,7 @@ Examples:
   canaletto render model.ply -o model.exr        # adds a camera, lights and a ground to the model
   canaletto explain scene.kdl --pixel 115,80     # why this pixel has this colour
   canaletto compare a.png b.exr --diff diff.png
+  canaletto compare-methods scene.kdl            # z-buffer and ray tracing, and why they differ
 `canaletto help render` shows the whole help of a command.";
 
 #[derive(Subcommand, Debug)]
@@ -83,6 +84,7 @@ enum Command {
     FormFactor(form_factor::FormFactorFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
+    CompareMethods(Box<compare_methods::CompareMethodsFlags>),
     Check(check::CheckFlags),
     Completions(completions::CompletionsFlags),
     Man(man::ManFlags),
@@ -121,6 +123,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::FormFactor(flags) => form_factor::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
+        Command::CompareMethods(flags) => compare_methods::run(flags),
         Command::Check(flags) => check::run(flags),
         Command::Completions(flags) => completions::run(flags, Cli::command()),
         Command::Man(flags) => man::run(flags, Cli::command()),
@@ -130,6 +133,11 @@ fn run(command: &Command) -> Result<Exit, Failure> {
 impl Command {
     /// Whether messages on stderr are JSON.
     fn speaks_json(&self) -> bool {
-        matches!(self, Command::Render(flags) if flags.progress == progress::ProgressFlag::Json)
+        let progress = match self {
+            Command::Render(flags) => flags.progress,
+            Command::CompareMethods(flags) => flags.progress,
+            _ => return false,
+        };
+        progress == progress::ProgressFlag::Json
     }
 }

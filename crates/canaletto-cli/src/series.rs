@@ -520,7 +520,7 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
 }
 
 /// The rendered part's place in the camera's picture.
-fn window(job: &Job) -> Window {
+pub(crate) fn window(job: &Job) -> Window {
     let [x, y, ..] = job.window();
     Window { at: [x as i32, y as i32], whole: job.camera.size() }
 }

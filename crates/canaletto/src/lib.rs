@@ -40,6 +40,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 pub mod camera;
+pub mod causes;
 pub mod diagnose;
 pub mod explain;
 pub mod film;

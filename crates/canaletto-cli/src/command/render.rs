@@ -315,7 +315,7 @@ fn overwritten_input(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf>
 }
 
 /// A scene's name without its extension.
-fn stem(scene: &Path) -> String {
+pub(crate) fn stem(scene: &Path) -> String {
     let own = scene.file_stem().filter(|_| scene != Path::new(STDIN));
     own.map_or_else(|| "picture".into(), |stem| stem.to_string_lossy().into_owned())
 }

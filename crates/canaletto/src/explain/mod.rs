@@ -4,6 +4,7 @@
 //! the recorded terms and returns the pixel bit for bit.
 
 mod number;
+mod prepared;
 mod record;
 mod text;
 mod tree;
@@ -13,14 +14,11 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
-use crate::film::WeightedSum;
-use crate::integrator::{PreparedRadiosity, RayIntegrator, Whitted, explain_zbuffer_pixel};
 pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate};
-use crate::render::{Job, JobError, PixelRenderer, stack_of};
-use crate::scene::Integrator;
+use crate::render::{Job, JobError, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
-use record::Recorder;
+pub(crate) use prepared::{ExplainWorker, PreparedExplainer};
 use std::ops::ControlFlow;
 
 /// The reason why a pixel can't be explained.
@@ -42,6 +40,9 @@ pub enum ExplainError {
     /// Mirrors and clear bodies multiply the pixel's rays beyond the limit.
     #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
     TooManyRays,
+    /// The observer cancelled the explanation.
+    #[error("the explanation was cancelled")]
+    Cancelled,
     /// The job has an error.
     #[error(transparent)]
     Job(#[from] JobError),
@@ -66,43 +67,11 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
 }
 
 fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, ExplainError> {
-    let [width, height] = job.camera.size();
-    let mut recorder = Recorder::new(world, &job.camera);
-    let too_many = |rays| rays > MAX_RAYS;
-    let mut sum = WeightedSum::default();
-    let mut rasters = Vec::new();
-    match job.integrator {
-        Integrator::Whitted(settings) => {
-            let mut whitted = Whitted::new(world, settings).with_cancel(&too_many);
-            PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
-            if whitted.is_cancelled() {
-                return Err(ExplainError::TooManyRays);
-            }
-        }
-        Integrator::Radiosity(settings) => {
-            let prepared = match PreparedRadiosity::new(world, settings, &())? {
-                ControlFlow::Continue(prepared) => prepared,
-                ControlFlow::Break(()) => return Err(ExplainError::TooManyRays),
-            };
-            let mut whitted = prepared.whitted(world).with_cancel(&too_many);
-            PixelRenderer::new(job).pixel(&mut whitted, [x, y], &mut recorder, &mut sum);
-            if whitted.is_cancelled() {
-                return Err(ExplainError::TooManyRays);
-            }
-        }
-        Integrator::Zbuffer(settings) => {
-            rasters = explain_zbuffer_pixel(world, job, settings, [x, y], &mut recorder, &mut sum)?;
-        }
-    }
-    let mut samples = recorder.into_samples();
-    for (sample, raster) in samples.iter_mut().zip(rasters) {
-        sample.raster = Some(raster);
-    }
-    Ok(PixelTree {
-        pixel: [x, y],
-        chapter_pixel: [x, height - 1 - y],
-        size: [width, height],
-        samples,
-        color: sum.mean(),
-    })
+    // Only what the pixel needs is prepared.
+    let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
+    job.film.crop = Some([x, y, 1, 1]);
+    let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, &())? else {
+        return Err(ExplainError::Cancelled);
+    };
+    ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).listing_rivals().pixel([x, y])
 }

@@ -13,4 +13,6 @@ pub(crate) use radiosity::PreparedRadiosity;
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
 pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};
-pub(crate) use zbuffer::{Zbuffer, explain_pixel as explain_zbuffer_pixel, omissions as omitted_by_zbuffer};
+pub(crate) use zbuffer::{
+    Zbuffer, ZbufferExplainer, omissions as omitted_by_zbuffer, sample_spacing as zbuffer_spacing,
+};

@@ -4,11 +4,8 @@ use super::fragment::VisibleTriangle;
 use super::raster::ScreenTriangle;
 use super::{PixelPart, Zbuffer, ZbufferWorker, background, differential, refine};
 use crate::film::WeightedSum;
-use crate::integrator::{Probe, RayKind};
-use crate::job::{Job, JobError};
+use crate::integrator::{Cancelled, Probe, RayKind};
 use crate::math::Rgb;
-use crate::scene::{Integrator, ZbufferSettings};
-use crate::world::World;
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -82,57 +79,99 @@ pub enum RivalFate {
     Hole,
 }
 
-/// Renders one pixel for a probe, one sample for each shaded fragment. Returns what each sample shows. The
-/// colours are added to `sum`.
-///
-/// # Errors
-/// [`JobError`] as from a render.
-pub(crate) fn explain_pixel<P: Probe>(
-    world: &World,
-    job: &Job,
-    settings: ZbufferSettings,
-    [x, y]: [u32; 2],
-    probe: &mut P,
-    sum: &mut WeightedSum,
-) -> Result<Vec<RasterNode>, JobError> {
-    let mut job = Job { tile: 1, integrator: Integrator::Zbuffer(settings), aovs: Vec::new(), ..job.clone() };
-    job.film.crop = Some([x, y, 1, 1]);
-    let ControlFlow::Continue(zbuffer) = Zbuffer::prepare(world, &job, settings, &())? else { return Ok(Vec::new()) };
-    let never = |_| false;
-    let mut worker = zbuffer.own_worker(&never);
-    let area = [x, y, 1, 1];
-    let ControlFlow::Continue(tile) = worker.draw(area) else { return Ok(Vec::new()) };
-    let parts = worker.parts(area);
-    worker.lookup.prepare(tile, &parts);
-    let mut nodes = Vec::new();
-    for part in &parts {
-        let Some(visible) = worker.lookup.visible(tile, part) else {
-            let line = zbuffer.camera.line(part.place[0], part.place[1]);
-            probe.sample(part.place, part.share);
-            probe.drawn(None, None);
-            probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
-            let differential = differential(&zbuffer, part.place);
-            let color = background(world, line.direction, differential.as_ref(), probe);
-            probe.miss(color);
-            probe.end(color);
-            sum.add(color, part.share);
-            nodes.push(raster_node(&worker, tile, part));
-            continue;
-        };
-        let node = raster_node(&worker, tile, part);
-        let mut whitted = zbuffer.whitted(&never);
-        worker.lookup.fragments_of(part, Some(&visible), area, |weight, fragment| {
-            probe.sample(part.place, weight);
-            probe.drawn(None, None);
-            sum.add(whitted.shade_fragment(&fragment, probe), weight);
-            nodes.push(node.clone());
-        });
-    }
-    Ok(nodes)
+/// Explains pixels of a z-buffer's picture, those of one tile together.
+pub(crate) struct ZbufferExplainer<'a> {
+    worker: ZbufferWorker<'a>,
+    /// The tile that is drawn: its area, its number and the parts of its pixels.
+    tile: Option<DrawnTile>,
 }
 
-/// What a part shows, and its rivals.
-fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> RasterNode {
+struct DrawnTile {
+    area: [u32; 4],
+    number: usize,
+    parts: Vec<PixelPart>,
+}
+
+impl<'a> ZbufferExplainer<'a> {
+    pub(crate) fn new(zbuffer: &'a Zbuffer<'a>, cancelled: Cancelled<'a>) -> ZbufferExplainer<'a> {
+        ZbufferExplainer { worker: zbuffer.own_worker(cancelled), tile: None }
+    }
+
+    /// Draws the tile of a pixel, unless it is drawn. Breaks if cancelled.
+    fn draw_tile(&mut self, [x, y]: [u32; 2]) -> ControlFlow<()> {
+        if self.tile.as_ref().is_some_and(|tile| tile.has([x, y])) {
+            return ControlFlow::Continue(());
+        }
+        let Zbuffer { job, screen, .. } = self.worker.zbuffer;
+        let ([left, top, width, height], side) = (job.window(), screen.side as u32);
+        let corner = [left + (x - left) / side * side, top + (y - top) / side * side];
+        let area = [corner[0], corner[1], side.min(left + width - corner[0]), side.min(top + height - corner[1])];
+        self.tile = None;
+        let number = self.worker.draw(area)?;
+        let parts = self.worker.parts(area);
+        self.worker.lookup.prepare(number, &parts);
+        self.tile = Some(DrawnTile { area, number, parts });
+        ControlFlow::Continue(())
+    }
+
+    /// Renders a pixel of the job's window for a probe, one sample for each shaded fragment. Returns what each sample
+    /// shows; what is hidden is listed if `with_rivals`. The colours are added to `sum`. Breaks if cancelled.
+    pub(crate) fn pixel<P: Probe>(
+        &mut self,
+        pixel: [u32; 2],
+        with_rivals: bool,
+        probe: &mut P,
+        sum: &mut WeightedSum,
+    ) -> ControlFlow<(), Vec<RasterNode>> {
+        self.draw_tile(pixel)?;
+        let Some(tile) = &self.tile else { return ControlFlow::Break(()) };
+        let (zbuffer, worker) = (self.worker.zbuffer, &self.worker);
+        let mut nodes = Vec::new();
+        for part in tile.parts_of(pixel) {
+            let node = raster_node(worker, tile.number, part, with_rivals);
+            let Some(visible) = worker.lookup.visible(tile.number, part) else {
+                let line = zbuffer.camera.line(part.place[0], part.place[1]);
+                probe.sample(part.place, part.share);
+                probe.drawn(None, None);
+                probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
+                let differential = differential(zbuffer, part.place);
+                let color = background(zbuffer.world, line.direction, differential.as_ref(), probe);
+                probe.miss(color);
+                probe.end(color);
+                sum.add(color, part.share);
+                nodes.push(node);
+                continue;
+            };
+            let mut whitted = zbuffer.whitted(worker.cancelled);
+            worker.lookup.fragments_of(part, Some(&visible), tile.area, |weight, fragment| {
+                probe.sample(part.place, weight);
+                probe.drawn(None, None);
+                sum.add(whitted.shade_fragment(&fragment, probe), weight);
+                nodes.push(node.clone());
+            });
+        }
+        ControlFlow::Continue(nodes)
+    }
+}
+
+impl DrawnTile {
+    fn has(&self, [x, y]: [u32; 2]) -> bool {
+        let [left, top, width, height] = self.area;
+        (left..left + width).contains(&x) && (top..top + height).contains(&y)
+    }
+
+    /// The parts of a pixel.
+    fn parts_of(&self, [x, y]: [u32; 2]) -> &[PixelPart] {
+        let [left, top, width, _] = self.area;
+        let pixel = ((y - top) * width + x - left) as usize;
+        let begin = self.parts.partition_point(|part| part.pixel < pixel);
+        let end = self.parts.partition_point(|part| part.pixel <= pixel);
+        &self.parts[begin..end]
+    }
+}
+
+/// What a part shows, and its rivals if they are wanted.
+fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart, with_rivals: bool) -> RasterNode {
     let Zbuffer { world, binned, sites, camera, far_depth, .. } = worker.zbuffer;
     let name = |triangle: &ScreenTriangle| world.object(&triangle.source.hit(0.0, [0.0; 2], 0)).name.clone();
     let [x, y] = part.place;
@@ -158,7 +197,7 @@ fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart) -> RasterN
         }
     });
     let mut rivals = Vec::new();
-    for (number, other) in (0..).zip(binned.tile(tile)) {
+    for (number, other) in (0..).zip(binned.tile(tile)).take_while(|_| with_rivals) {
         if number == part.number || !other.covers(part.place) {
             continue;
         }

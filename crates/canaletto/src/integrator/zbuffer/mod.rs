@@ -29,7 +29,7 @@ use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
 use crate::shape::Surface;
 use crate::world::World;
 use canaletto_bvh::Aabb;
-pub(crate) use explain::explain_pixel;
+pub(crate) use explain::ZbufferExplainer;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
@@ -150,6 +150,11 @@ fn sites(job: &Job, settings: &ZbufferSettings) -> (Sites, bool) {
         None if job.film.sampling == Sampling::Corner => (Sites::pattern(settings.multisampling, [0.0; 2]), false),
         None => (Sites::pattern(settings.multisampling, [0.5; 2]), false),
     }
+}
+
+/// The distance in pixels between samples that a z-buffer shades, for the footprints of textures.
+pub(crate) fn sample_spacing(job: &Job) -> f64 {
+    grid_side(job.film.sampling).map_or(1.0, |n| 1.0 / f64::from(n))
 }
 
 /// The side of the grid of samples in a pixel, unless it has a single place.

@@ -165,10 +165,19 @@ impl Projection {
         right.length()
     }
 
+    /// The farthest and the nearest depth that are near this one: of twice and half its distance from the eye, or of a
+    /// length around it in a parallel projection.
+    pub(super) fn depths_around(&self, depth: f64, length: f64) -> [f64; 2] {
+        if self.is_perspective() { [depth * 0.5, depth * 2.0] } else { [depth - length, depth + length] }
+    }
+
+    fn is_perspective(&self) -> bool {
+        self.gradients[3] == DVec3::ZERO
+    }
+
     /// The depth of a point that lies nearer to the viewer by this length than one of the given depth.
     pub(super) fn nearer(&self, depth: f64, length: f64) -> f64 {
-        let is_perspective = self.gradients[3] == DVec3::ZERO;
-        if is_perspective { depth / (1.0 - (length * depth).min(0.5)) } else { depth + length }
+        if self.is_perspective() { depth / (1.0 - (length * depth).min(0.5)) } else { depth + length }
     }
 
     /// The line through a place on the screen, away from the viewer, with a unit direction.

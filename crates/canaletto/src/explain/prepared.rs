@@ -1,0 +1,180 @@
+//! Explanations of many pixels of one picture. What the job's integrator prepares is kept between them.
+
+use super::record::Recorder;
+use super::{ExplainError, PixelTree};
+use crate::film::WeightedSum;
+use crate::integrator::{
+    Cancelled, PreparedRadiosity, Probe, RayIntegrator, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
+};
+use crate::job::{Job, JobError, Observer};
+use crate::render::PixelRenderer;
+use crate::sampler::FrameSampler;
+use crate::scene::{Integrator, WhittedSettings};
+use crate::world::World;
+use std::ops::ControlFlow;
+
+/// A job whose pixels can be explained. The camera is relative to the world's origin.
+pub(crate) struct PreparedExplainer<'w> {
+    world: &'w World,
+    job: &'w Job,
+    prepared: Prepared<'w>,
+}
+
+/// What the job's integrator prepared.
+enum Prepared<'w> {
+    Whitted(WhittedSettings),
+    Radiosity(Box<PreparedRadiosity>),
+    Zbuffer(Box<Zbuffer<'w>>),
+}
+
+impl<'w> PreparedExplainer<'w> {
+    /// Prepares the job's integrator. Breaks if cancelled.
+    ///
+    /// # Errors
+    /// [`JobError`] as from a render.
+    pub(crate) fn new(
+        world: &'w World,
+        job: &'w Job,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
+        let prepared = match job.integrator {
+            Integrator::Whitted(settings) => ControlFlow::Continue(Prepared::Whitted(settings)),
+            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, observer)?
+                .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity))),
+            Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
+                .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),
+        };
+        Ok(prepared.map_continue(|prepared| PreparedExplainer { world, job, prepared }))
+    }
+
+    /// The integrator that traces the job's rays; none for a rasteriser.
+    fn ray_integrator(&self) -> Option<Whitted<'_>> {
+        match &self.prepared {
+            Prepared::Whitted(settings) => Some(Whitted::new(self.world, *settings)),
+            Prepared::Radiosity(radiosity) => Some(radiosity.whitted(self.world)),
+            Prepared::Zbuffer(_) => None,
+        }
+    }
+}
+
+/// Explains pixels in one thread. Pixels of one tile should follow each other.
+pub(crate) struct ExplainWorker<'a> {
+    explainer: &'a PreparedExplainer<'a>,
+    cancelled: Cancelled<'a>,
+    /// The approximate limit of rays of a pixel.
+    max_rays: u64,
+    lists_rivals: bool,
+    pixels: PixelRenderer<'a>,
+    raster: Option<ZbufferExplainer<'a>>,
+    /// The rays traced so far.
+    pub(crate) rays: u64,
+}
+
+impl<'a> ExplainWorker<'a> {
+    pub(crate) fn new(
+        explainer: &'a PreparedExplainer<'a>,
+        max_rays: u64,
+        cancelled: Cancelled<'a>,
+    ) -> ExplainWorker<'a> {
+        let raster = match &explainer.prepared {
+            Prepared::Zbuffer(zbuffer) => Some(ZbufferExplainer::new(zbuffer, cancelled)),
+            Prepared::Whitted(_) | Prepared::Radiosity(_) => None,
+        };
+        let pixels = PixelRenderer::new(explainer.job);
+        ExplainWorker { explainer, cancelled, max_rays, lists_rivals: false, pixels, raster, rays: 0 }
+    }
+
+    /// Returns this worker such that it lists what covers a place and isn't seen, which takes time.
+    pub(crate) fn listing_rivals(self) -> ExplainWorker<'a> {
+        ExplainWorker { lists_rivals: true, ..self }
+    }
+
+    /// Prepares for the pixels of an area: column and row of its corner, width and height. Changes no explanation.
+    pub(crate) fn begin_area(&mut self, area: [u32; 4]) {
+        if let Some(whitted) = self.explainer.ray_integrator() {
+            self.pixels.sample_sites(&mut whitted.with_cancel(self.cancelled), area);
+        }
+    }
+
+    /// Explains a pixel of the job's window.
+    ///
+    /// # Errors
+    /// [`ExplainError`] if the pixel has too many rays, or if cancelled.
+    pub(crate) fn pixel(&mut self, pixel: [u32; 2]) -> Result<PixelTree, ExplainError> {
+        let Self { explainer, lists_rivals, pixels, raster, .. } = self;
+        let mut recorder = Recorder::new(explainer.world, &explainer.job.camera);
+        let mut sum = WeightedSum::default();
+        if let Some(raster) = raster {
+            let ControlFlow::Continue(rasters) = raster.pixel(pixel, *lists_rivals, &mut recorder, &mut sum) else {
+                return Err(ExplainError::Cancelled);
+            };
+            let mut tree = self.tree(pixel, recorder, &sum);
+            for (sample, raster) in tree.samples.iter_mut().zip(rasters) {
+                sample.raster = Some(raster);
+            }
+            return Ok(tree);
+        }
+        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
+        let stops = |rays| rays > max_rays || cancelled(rays);
+        let Some(whitted) = explainer.ray_integrator() else { return Err(ExplainError::Cancelled) };
+        let mut whitted = whitted.with_cancel(&stops);
+        pixels.pixel(&mut whitted, pixel, &mut recorder, &mut sum);
+        self.rays += whitted.counts.total();
+        if whitted.is_cancelled() {
+            return Err(if whitted.counts.total() > max_rays {
+                ExplainError::TooManyRays
+            } else {
+                ExplainError::Cancelled
+            });
+        }
+        Ok(self.tree(pixel, recorder, &sum))
+    }
+
+    /// Explains what the job's rays see at places of a pixel, with weights, as a z-buffer looks at them: through the
+    /// middle of the lens, at the shutter's opening, with a z-buffer's footprints. None for a rasteriser.
+    ///
+    /// # Errors
+    /// [`ExplainError`] if there are too many rays, or if cancelled.
+    pub(crate) fn at_places(
+        &mut self,
+        pixel: [u32; 2],
+        places: &[([f64; 2], f64)],
+    ) -> Result<Option<PixelTree>, ExplainError> {
+        let PreparedExplainer { world, job, .. } = self.explainer;
+        let Some(whitted) = self.explainer.ray_integrator() else { return Ok(None) };
+        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
+        let stops = |rays| rays > max_rays || cancelled(rays);
+        let mut whitted = whitted.with_cancel(&stops);
+        let camera = job.camera.at(0.0);
+        let mut recorder = Recorder::new(world, &camera);
+        let mut sum = WeightedSum::default();
+        let sampler = FrameSampler::new(job.seed, job.frame, job.film.sampler).pixel(pixel);
+        let spacing = zbuffer_spacing(job);
+        for (index, &([x, y], weight)) in places.iter().enumerate() {
+            let differential = world.needs_differentials().then(|| camera.differential(x, y, spacing));
+            recorder.sample([x, y], weight);
+            whitted.begin(sampler.sample(index as u32, places.len() as u32), 0.0);
+            sum.add(whitted.eye(camera.line(x, y), differential.as_ref(), &mut recorder), weight);
+        }
+        self.rays += whitted.counts.total();
+        if whitted.is_cancelled() {
+            return Err(if whitted.counts.total() > max_rays {
+                ExplainError::TooManyRays
+            } else {
+                ExplainError::Cancelled
+            });
+        }
+        Ok(Some(self.tree(pixel, recorder, &sum)))
+    }
+
+    fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {
+        let [width, height] = self.explainer.job.camera.size();
+        PixelTree {
+            pixel: [x, y],
+            chapter_pixel: [x, height - 1 - y],
+            size: [width, height],
+            samples: recorder.into_samples(),
+            color: sum.mean(),
+        }
+    }
+}
