@@ -1,7 +1,7 @@
 //! The difference of two trees of rays, term by term: each difference of a term belongs to one cause.
 //!
-//! Colours are sums of products of terms. The difference of a product is split as a b − a′ b′ = (a − a′) b′ + a (b − b′),
-//! so that all parts sum to the whole difference.
+//! Colours are sums of products of terms. The difference of a product is split as a b − a′ b′ = (a − a′) b′ + a (b −
+//! b′), so that all parts sum to the whole difference.
 
 use super::Cause;
 use super::pixel::wide;

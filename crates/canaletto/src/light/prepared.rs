@@ -143,7 +143,8 @@ impl PreparedLight {
         self.arriving(position, p)
     }
 
-    /// [`PreparedLight::illuminate`] without random points: those are replaced by as many points that are spread evenly.
+    /// [`PreparedLight::illuminate`] without random points: those are replaced by as many points that are spread
+    /// evenly.
     pub(crate) fn illuminate_evenly(&self, index: u32, p: DVec3) -> Illumination {
         if self.is_sampled() {
             self.illuminate_from(area::fixed(index, self.count), p)

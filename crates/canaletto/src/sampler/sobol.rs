@@ -7,8 +7,8 @@
 //! Each bit of the scrambling hash depends only on the higher bits, which keeps all nets of the sequence. In a net of
 //! 2^m points, each of 2^m equal boxes of any shape holds exactly one point. Every use in a picture takes the first two
 //! dimensions with another order of the points (Burley's padding), which is a scrambling of the index. The sequence's
-//! further dimensions would be distributed jointly with the first, but their pairs are worse nets. For the two numbers of
-//! a lens the error of 256 samples was a fifth larger. Integrals of exactly four dimensions use [`joint`] points.
+//! further dimensions would be distributed jointly with the first, but their pairs are worse nets. For the two numbers
+//! of a lens the error of 256 samples was a fifth larger. Integrals of exactly four dimensions use [`joint`] points.
 
 use super::hash::mix;
 

@@ -1,8 +1,9 @@
 //! The numbers of objects. All objects of a scene are numbered in the order of the file, depth first, copies included.
 //!
-//! A prototype is walked once. Its objects have numbers from 0 on within it, and so have the objects of the root. A copy
-//! adds the number of objects before it. A number is therefore a sum along the path to an object, whether prototypes are
-//! dissolved or kept as groups. [`ObjectNumbers`] is the way back, from a number to the described object.
+//! A prototype is walked once. Its objects have numbers from 0 on within it, and so have the objects of the root. A
+//! copy adds the number of objects before it. A number is therefore a sum along the path to an object, whether
+//! prototypes are dissolved or kept as groups. [`ObjectNumbers`] is the way back, from a number to the described
+//! object.
 
 /// The objects of the root or of a prototype, by their numbers within it.
 #[derive(Clone, Debug, Default)]

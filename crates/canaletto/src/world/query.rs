@@ -373,15 +373,15 @@ impl World {
     }
 
     /// The number of the object that was hit. The objects of a scene are numbered from 1 on in the order of the file,
-    /// depth first. A copy of a prototype takes as many numbers as it has objects, at the place of the instance. A mesh,
-    /// a cloud and each part of a model is one object; lights and cameras have no number. Objects beyond the range of
-    /// `u32` have the number [`u32::MAX`].
+    /// depth first. A copy of a prototype takes as many numbers as it has objects, at the place of the instance. A
+    /// mesh, a cloud and each part of a model is one object; lights and cameras have no number. Objects beyond the
+    /// range of `u32` have the number [`u32::MAX`].
     pub fn object_id(&self, hit: &Hit) -> u32 {
         u32::try_from(self.object_number(hit) + 1).unwrap_or(u32::MAX)
     }
 
-    /// The object with this number, the inverse of [`World::object_id`]. All copies of an object are the same [`Object`].
-    /// `None` for 0, for numbers of no object, and for [`u32::MAX`].
+    /// The object with this number, the inverse of [`World::object_id`]. All copies of an object are the same
+    /// [`Object`]. `None` for 0, for numbers of no object, and for [`u32::MAX`].
     ///
     /// [`Object`]: super::Object
     pub fn object_with_id(&self, id: u32) -> Option<&super::Object> {

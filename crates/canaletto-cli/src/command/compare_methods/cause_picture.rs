@@ -9,8 +9,8 @@ use canaletto::film::Picture;
 use canaletto::scene::FilmSettings;
 use canaletto_io::picture::{CHARACTER_WIDTH, Canvas, Image, LINE_HEIGHT, text_width};
 
-/// The colour of a cause: those of Okabe and Ito (2008), which colour-blind people tell apart, then wine and white. What
-/// is unexplained is a colour that nothing else has.
+/// The colour of a cause: those of Okabe and Ito (2008), which colour-blind people tell apart, then wine and white.
+/// What is unexplained is a colour that nothing else has.
 fn color(cause: Cause) -> [f32; 3] {
     let [r, g, b] = match cause {
         Cause::NearFar => [0, 0, 0],

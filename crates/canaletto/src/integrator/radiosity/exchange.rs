@@ -29,8 +29,8 @@ const UNSEEN: [f64; 2] = [0.1, 0.03];
 /// What two nodes get from each other, relative to the other's radiance. Areas times factors are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Exchange {
-    /// The form factor from the first node to the second with visibility: the mean over the first of what it sees of the
-    /// second.
+    /// The form factor from the first node to the second with visibility: the mean over the first of what it sees of
+    /// the second.
     pub(super) factor: f64,
     /// The share of rays between the two that pass.
     pub(super) visibility: f64,
@@ -155,8 +155,8 @@ impl PatchMesh<'_> {
         f64::from(self.world.transmittance(&Ray::new(from, to - from), BEFORE_END, 0.0, None, last, &mut ()))
     }
 
-    /// What two nodes get from each other, of which at least one is a cluster. The factor is left to their members. None
-    /// if they are too near for a bound.
+    /// What two nodes get from each other, of which at least one is a cluster. The factor is left to their members.
+    /// None if they are too near for a bound.
     pub(super) fn between_clusters(&self, p: u32, q: u32, effort: Effort) -> Option<Exchange> {
         let ((center_p, radius_p), (center_q, radius_q)) = (self.ball(p), self.ball(q));
         let distance = center_p.distance(center_q);

@@ -1,8 +1,8 @@
 //! Interpolation of a solution between patches, without cracks where patches of different sizes meet.
 //!
 //! Each vertex has the mean light of the patches around it. A patch counts vertices on its edges that finer neighbours
-//! have, too. It is a fan of triangles from its centre, with linear light in each. Patches on both sides of an edge thus
-//! have equal light along it. No light is shared across contacts, where a wall may stand between two patches.
+//! have, too. It is a fan of triangles from its centre, with linear light in each. Patches on both sides of an edge
+//! thus have equal light along it. No light is shared across contacts, where a wall may stand between two patches.
 
 use super::mesh::{Element, PatchMesh};
 use super::solution::ArrivingLight;

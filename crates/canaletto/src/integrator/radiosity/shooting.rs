@@ -1,5 +1,5 @@
-//! Progressive refinement: the patch with the most light that it hasn't sent yet sends it, again and again (Cohen, Chen,
-//! Wallace, Greenberg 1988).
+//! Progressive refinement: the patch with the most light that it hasn't sent yet sends it, again and again (Cohen,
+//! Chen, Wallace, Greenberg 1988).
 
 use super::balance::Light;
 use super::exchange::Effort;

@@ -129,8 +129,8 @@ fn cornell() -> Scene {
 
 /// The mean light that arrives at faces of the Cornell box: mesh, face, light in red, green and blue, tolerance. The
 /// numbers are those of a separate program: 13,290 equal patches, four contour integrals and rays for each pair, floor
-/// and ceiling patches that a block or the lamp covers in part stand for their bare part. With 6,159 patches they differ
-/// by up to 0.1 % on walls and 0.5 % on the blocks' sides.
+/// and ceiling patches that a block or the lamp covers in part stand for their bare part. With 6,159 patches they
+/// differ by up to 0.1 % on walls and 0.5 % on the blocks' sides.
 const CORNELL_FACES: [(u32, u32, [f64; 3], f64); 15] = [
     (1, 0, [0.185413, 0.126071, 0.035705], 0.01),
     (1, 1, [0.138976, 0.084632, 0.020778], 0.01),

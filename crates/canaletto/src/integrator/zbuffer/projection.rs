@@ -139,8 +139,9 @@ impl Projection {
 
 /// Unit vectors to the right and upwards of a direction.
 fn across(forward: DVec3) -> (DVec3, DVec3) {
+    // x × y is the direction; to the right × upwards points back to the viewer.
     let (x, y) = forward.any_orthonormal_pair();
-    (x, y)
+    (y, x)
 }
 
 /// The coefficients (α, β, γ) for which the depth at a place is α x + β y + γ, on the plane through three points. None
