@@ -1,9 +1,9 @@
-//! Progress of sampling on stderr: a line that changes in place, on a terminal only.
+//! Progress of form factors on stderr: a line that changes in place, on a terminal only.
 
-use crate::format::{count, rate};
+use crate::format::{count, plural, rate};
 use crate::interrupt;
 use crate::progress::{ProgressFlag, Style};
-use canaletto::form_factor::SamplingProgress;
+use canaletto::form_factor::{FormFactorProgress, SamplingProgress};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -22,12 +22,18 @@ impl SamplingDisplay {
     }
 
     /// Shows a state. Breaks after a signal.
-    pub(crate) fn show(&self, progress: &SamplingProgress) -> ControlFlow<()> {
+    pub(crate) fn show(&self, progress: &FormFactorProgress) -> ControlFlow<()> {
         if let Some(line) = &self.line {
-            let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
-            let SamplingProgress { rays, standard_error } = *progress;
-            let error = if standard_error.is_finite() { format!(", ± {standard_error:.1e}") } else { String::new() };
-            line.set_message(format!("{} rays, {}{error}", count(rays), rate(rays as f64 / seconds)));
+            line.set_message(match *progress {
+                FormFactorProgress::Rays(SamplingProgress { rays, standard_error }) => {
+                    let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
+                    let error =
+                        if standard_error.is_finite() { format!(", ± {standard_error:.1e}") } else { String::new() };
+                    format!("{} rays, {}{error}", count(rays), rate(rays as f64 / seconds))
+                }
+                FormFactorProgress::Hemicubes(points) => plural(points.into(), "hemicube"),
+                _ => String::new(),
+            });
             line.tick();
         }
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

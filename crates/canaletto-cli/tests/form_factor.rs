@@ -86,6 +86,30 @@ fn mistakes_are_named() {
     assert_eq!(with(text, &["ball", "ground", "--error", "1e-2"]).0, Some(0));
 }
 
+#[test]
+fn methods_are_chosen() {
+    let hidden = ["low", "high", "--hemicube", "128", "--method"];
+    let [sampled, hemicube] = ["sampled", "hemicube"].map(|method| {
+        let found = json(&[&hidden[..], &[method]].concat());
+        assert_eq!(found["method"], method);
+        [&found["a_to_b"]["value"], &found["a_to_b"]["error"]].map(|number| number.as_f64().unwrap())
+    });
+    assert!((sampled[0] - hemicube[0]).abs() < 3.0 * (sampled[1] + hemicube[1]), "{sampled:?} {hemicube:?}");
+    let found = json(&["floor", "wall", "--method", "hemicube", "--points", "9", "--hemicube", "64"]);
+    let words = [&found["hemicube"]["points"], &found["hemicube"]["resolution"], &found["hemicube"]["complete"]];
+    assert_eq!(words, [&Value::from(16), &Value::from(64), &Value::from(true)]);
+    says(
+        &["floor", "wall", "--method", "hemicube", "--points", "8"],
+        0,
+        &["8 hemicubes of 256 pixels", "by the points"],
+    );
+    says(&["floor", "wall", "--method", "analytic"], 0, &["0.2000437760", "analytic"]);
+    says(&["low", "high", "--method", "analytic"], 3, &["no exact factor is known", "--method sampled"]);
+    says(&["floor", "wall", "--hemicube", "255"], 2, &["even number from 4 to 4096"]);
+    says(&["floor", "wall", "--points", "0"], 2, &["from 1 to 1048576"]);
+    says(&["floor", "wall", "--method", "rays"], 2, &["auto", "analytic", "sampled", "hemicube"]);
+}
+
 /// A signal ends sampling, and the answer so far is printed.
 #[cfg(unix)]
 #[test]

@@ -11,7 +11,10 @@ use crate::source::{Source, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::terminal::Paint;
 use canaletto::Named;
-use canaletto::form_factor::{FormFactorError, FormFactors, SampleSettings, Side, form_factors};
+use canaletto::form_factor::{
+    AverageHemicube, AverageHemicubeSettings, FormFactorError, FormFactorMethod, FormFactorSettings, FormFactors,
+    HemicubeSettings, SampleSettings, Side, form_factors,
+};
 use canaletto::scene::{Content, Node, ObjectIds, Scene};
 use canaletto::world::{ObjectSurface, World};
 use canaletto_io::text::closest_word;
@@ -24,7 +27,7 @@ use std::ops::Range;
 ///
 /// The objects are diffuse, and all others are in the way: every surface is opaque, but holes are open. Triangles, flat
 /// meshes and boxes in full view of each other have an exact answer. For all others rays are sampled until the error
-/// that you ask for is reached.
+/// that you ask for is reached. --method chooses otherwise.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct FormFactorFlags {
@@ -54,6 +57,20 @@ pub(crate) struct FormFactorFlags {
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub frame: Option<u32>,
 
+    /// Sets how the factor is computed
+    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = named::<FormFactorMethod>(), help_heading = "Method")]
+    pub method: FormFactorMethod,
+
+    /// Sets the pixels along an edge of a hemicube's top face
+    ///
+    /// It is an even number from 4 to 4096. Each hemicube is drawn again with half of it, to estimate the error.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = resolution, help_heading = "Method")]
+    pub hemicube: u32,
+
+    /// Sets the number of points of A with a hemicube, rounded up to a multiple of 8
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = points, help_heading = "Method")]
+    pub points: u32,
+
     /// Sets the standard error of F(A->B) at which sampling ends
     #[arg(long, allow_hyphen_values = true, value_name = "E", default_value = "1e-4", value_parser = error, help_heading = "Sampling")]
     pub error: f64,
@@ -80,6 +97,7 @@ Examples:
   canaletto form-factor scenes/form-factor.kdl floor ceiling
   canaletto form-factor scenes/form-factor.kdl ball plate --error 1e-5
   canaletto form-factor scenes/form-factor.kdl ball room --side-b back      # the room's inner side
+  canaletto form-factor scenes/form-factor.kdl low high --method hemicube --hemicube 512
   canaletto form-factor scenes/form-factor.kdl floor \"disk #2\" --json | jq .a_to_b";
 
 fn error(text: &str) -> Result<f64, String> {
@@ -95,6 +113,22 @@ fn rays(text: &str) -> Result<u64, String> {
     match text.parse::<f64>() {
         Ok(rays) if (1.0..=MOST).contains(&rays) => Ok(rays as u64),
         _ => Err(format!("write a number between 1 and {MOST:e}, such as 1e6")),
+    }
+}
+
+fn resolution(text: &str) -> Result<u32, String> {
+    const MOST: u32 = HemicubeSettings::MAX_RESOLUTION;
+    match text.parse::<u32>() {
+        Ok(side) if (4..=MOST).contains(&side) && side % 2 == 0 => Ok(side),
+        _ => Err(format!("write an even number from 4 to {MOST}, such as 512")),
+    }
+}
+
+fn points(text: &str) -> Result<u32, String> {
+    const MOST: u32 = AverageHemicubeSettings::MAX_POINTS;
+    match text.parse::<u32>() {
+        Ok(points) if (1..=MOST).contains(&points) => Ok(points),
+        _ => Err(format!("write a number from 1 to {MOST}, such as 64")),
     }
 }
 
@@ -117,11 +151,10 @@ pub(crate) fn run(flags: &FormFactorFlags) -> Result<Exit, Failure> {
     } else {
         print(&answer.text())?;
     }
-    let sampled = answer.factors.sampled.as_ref();
-    if sampled.is_some_and(|sampled| sampled.cancelled) {
+    if answer.factors.is_cancelled() {
         return Ok(Exit::Interrupted);
     }
-    if sampled.is_some() && answer.factors.errors[0] > flags.error {
+    if answer.factors.sampled.is_some() && answer.factors.errors[0] > flags.error {
         let warning = Paint::stderr().yellow("warning:");
         eprint_line(&format!("{warning} --max-rays ended sampling before the error of {}", flags.error));
     }
@@ -165,7 +198,11 @@ fn factors(
     let _sampling = interrupt::Rendering;
     interrupt::Rendering::begins();
     let display = SamplingDisplay::begin(flags.quiet);
-    let settings = SampleSettings { standard_error: flags.error, max_rays: flags.max_rays, seed: flags.seed };
+    let settings = FormFactorSettings {
+        method: flags.method,
+        sampling: SampleSettings { standard_error: flags.error, max_rays: flags.max_rays, seed: flags.seed },
+        hemicubes: AverageHemicubeSettings { points: flags.points, resolution: flags.hemicube, seed: flags.seed },
+    };
     let (a, b) = ((a, flags.side_a), (b, flags.side_b));
     let factors = form_factors(world, a, b, &settings, &|progress| display.show(progress));
     display.finish();
@@ -221,13 +258,18 @@ fn refused(scene_name: &str, names: &[&str; 2], error: FormFactorError) -> Failu
             failure(0, "is a plane, which is infinite: none of its light arrives anywhere else")
                 .help("exchange the two: a plane can be B")
         }
+        FormFactorError::NotAnalytic => {
+            let [a, b] = names;
+            Failure::new(Exit::Scene, format!("{scene_name}: \"{a}\" to \"{b}\": {error}"))
+                .help("--method sampled or hemicube computes it with an error")
+        }
         other => Failure::new(Exit::Failed, other),
     }
 }
 
 impl Answer {
     fn json(&self) -> Value {
-        let FormFactors { values, errors, areas, area_errors, sampled, is_from_b, .. } = &self.factors;
+        let FormFactors { values, errors, areas, area_errors, sampled, hemicubes, is_from_b, .. } = &self.factors;
         let surface = |k: usize| {
             let area = if areas[k].is_finite() { json!(areas[k]) } else { json!("infinity") };
             json!({ "name": self.names[k], "side": self.sides[k].name(), "area": area, "area_error": area_errors[k] })
@@ -239,9 +281,19 @@ impl Answer {
             "b": surface(1),
             "a_to_b": { "value": values[0], "error": errors[0] },
             "b_to_a": { "value": values[1], "error": errors[1] },
-            "method": if sampled.is_some() { "sampled" } else { "analytic" },
+            "method": self.method().name(),
             "sampled": null,
+            "hemicube": null,
         });
+        if let Some(average) = hemicubes {
+            answer["hemicube"] = json!({
+                "points": average.points,
+                "resolution": average.resolution,
+                "point_error": average.point_error,
+                "resolution_error": average.resolution_error,
+                "complete": !average.cancelled,
+            });
+        }
         if let Some(sampled) = sampled {
             let blocked: Vec<Value> =
                 self.blocked.iter().map(|(name, rays)| json!({ "object": name, "rays": rays })).collect();
@@ -256,9 +308,18 @@ impl Answer {
         answer
     }
 
+    /// The method that was used.
+    fn method(&self) -> FormFactorMethod {
+        match &self.factors {
+            FormFactors { hemicubes: Some(_), .. } => FormFactorMethod::Hemicube,
+            FormFactors { sampled: Some(_), .. } => FormFactorMethod::Sampled,
+            _ => FormFactorMethod::Analytic,
+        }
+    }
+
     fn text(&self) -> String {
         const MOST: usize = 8;
-        let FormFactors { values, errors, areas, area_errors, sampled, is_from_b, .. } = &self.factors;
+        let FormFactors { values, errors, areas, area_errors, sampled, hemicubes, is_from_b, .. } = &self.factors;
         let mut rows: Vec<(&str, String)> = Vec::new();
         for (k, label) in ["A", "B"].into_iter().enumerate() {
             let area = match areas[k] {
@@ -271,9 +332,17 @@ impl Answer {
         for (k, label) in ["F(A->B)", "F(B->A)"].into_iter().enumerate() {
             rows.push((label, with_error(values[k], errors[k])));
         }
-        match sampled {
-            None => rows.push(("method", "analytic; ± is a bound of the error".into())),
-            Some(sampled) => {
+        match (sampled, hemicubes) {
+            (None, None) => rows.push(("method", "analytic; ± is a bound of the error".into())),
+            (None, Some(average)) => {
+                let AverageHemicube { points, resolution, point_error, resolution_error, cancelled, .. } = average;
+                let ended = if *cancelled { ", interrupted" } else { "" };
+                let hemicubes = format!("{} of {resolution} pixels", plural(u64::from(*points), "hemicube"));
+                rows.push(("method", format!("{hemicubes} on A{ended}; ± is an estimate of the error")));
+                let parts = format!("{point_error:.1e} by the points, {resolution_error:.1e} by the resolution");
+                rows.push(("error", parts));
+            }
+            (Some(sampled), _) => {
                 let from = if *is_from_b { "B" } else { "A" };
                 let ended = if sampled.cancelled { ", interrupted" } else { "" };
                 let rays = plural(sampled.rays, "ray");
@@ -291,7 +360,7 @@ impl Answer {
                 }
             }
         }
-        if values[0] == 0.0 && self.blocked.is_empty() {
+        if values[0] == 0.0 && self.blocked.is_empty() && !self.factors.is_cancelled() {
             let hint = "the sides that count don't see each other; --side-a and --side-b choose others";
             rows.push(("note", hint.into()));
         }
@@ -325,6 +394,11 @@ mod tests {
         for text in ["0", "-1", "2", "nan", "x"] {
             assert!(error(text).unwrap_err().contains("between 0 and 1"), "{text}");
         }
+        assert_eq!((resolution("512"), points("20")), (Ok(512), Ok(20)));
+        for text in ["0", "3", "255", "8192", "-2", "x"] {
+            assert!(resolution(text).unwrap_err().contains("even number from 4 to 4096"), "{text}");
+        }
+        assert!(points("0").is_err() && points("1e9").is_err());
         assert!(rays("0").is_err() && rays("1e30").is_err() && rays("inf").is_err());
     }
 }

@@ -19,10 +19,21 @@ fn rectangle(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32; 3], v: [f
 }
 
 fn between(scene: &Scene, names: [&str; 2], sides: [Side; 2], error: f64) -> Result<FormFactors, FormFactorError> {
+    by(FormFactorMethod::Auto, scene, names, sides, error)
+}
+
+fn by(
+    method: FormFactorMethod,
+    scene: &Scene,
+    names: [&str; 2],
+    sides: [Side; 2],
+    error: f64,
+) -> Result<FormFactors, FormFactorError> {
     let ids = names.map(|name| scene.objects_named(name).unwrap());
     let world = World::build(scene.clone()).unwrap();
     let [a, b] = ids.map(|ids| world.object_surface(ids).unwrap());
-    let settings = SampleSettings { standard_error: error, ..SampleSettings::default() };
+    let sampling = SampleSettings { standard_error: error, ..SampleSettings::default() };
+    let settings = FormFactorSettings { sampling, method, ..FormFactorSettings::default() };
     form_factors(&world, (&a, sides[0]), (&b, sides[1]), &settings, &|_| ControlFlow::Continue(()))
 }
 
@@ -111,7 +122,8 @@ fn standard_errors_cover_the_truth() {
     let [a, b] = ids.map(|ids| world.object_surface(ids).unwrap());
     let (exact, n) = (0.099_506, 200);
     let covered = (0..n).filter(|&seed| {
-        let settings = SampleSettings { standard_error: 2e-3, seed, ..SampleSettings::default() };
+        let sampling = SampleSettings { standard_error: 2e-3, seed, ..SampleSettings::default() };
+        let settings = FormFactorSettings { sampling, ..FormFactorSettings::default() };
         let (a, b) = ((&a, Side::Front), (&b, Side::Front));
         let found = form_factors(&world, a, b, &settings, &|_| ControlFlow::Continue(())).unwrap();
         (found.values[0] - exact).abs() <= 2.0 * found.errors[0]
@@ -148,4 +160,29 @@ fn what_has_no_form_factor_says_so() {
     let down = between(&scene, ["ball", "ground"], FRONTS, 1e-3).unwrap();
     assert_eq!((down.values[1], down.areas[1]), (0.0, f64::INFINITY));
     assert!(down.values[0] > 0.4 && down.values[0] < 0.5, "{down:?}");
+}
+
+/// All methods agree where several have an answer.
+#[test]
+fn methods_agree() {
+    let mut scene = squares();
+    let exact = 0.199_824_895_698;
+    let found = |method, scene: &Scene| by(method, scene, ["floor", "ceiling"], FRONTS, 1e-3);
+    let analytic = found(FormFactorMethod::Analytic, &scene).unwrap();
+    assert!((analytic.values[0] - exact).abs() < 1e-12 && analytic.hemicubes.is_none() && analytic.sampled.is_none());
+    let sampled = found(FormFactorMethod::Sampled, &scene).unwrap();
+    assert!(sampled.sampled.is_some() && sampled.errors[0] > 1e-4, "{sampled:?}");
+    let hemicube = found(FormFactorMethod::Hemicube, &scene).unwrap();
+    assert!(hemicube.hemicubes.is_some_and(|h| h.points == 64 && h.resolution == 256), "{hemicube:?}");
+    for answer in [&sampled, &hemicube] {
+        assert!((answer.values[0] - exact).abs() < 3.0 * answer.errors[0] && answer.errors[0] < 2e-3, "{answer:?}");
+        assert_eq!(answer.values[0], answer.values[1]);
+    }
+    node(&mut scene, "speck", Shape::Sphere(Sphere { center: Vec3::splat(0.5), radius: 0.2 }));
+    assert_eq!(found(FormFactorMethod::Analytic, &scene), Err(FormFactorError::NotAnalytic));
+    let [a, b] = [FormFactorMethod::Auto, FormFactorMethod::Hemicube].map(|method| found(method, &scene).unwrap());
+    assert!((a.values[0] - b.values[0]).abs() < 3.0 * (a.errors[0] + b.errors[0]), "{a:?} {b:?}");
+    // Hemicubes stand on A, however large it is; planes can be B.
+    let down = by(FormFactorMethod::Hemicube, &scene, ["ball", "ground"], FRONTS, 1e-3).unwrap();
+    assert!(!down.is_from_b && (down.values[0] - 0.46).abs() < 0.04 && down.values[1] == 0.0, "{down:?}");
 }

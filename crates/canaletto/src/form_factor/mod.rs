@@ -6,11 +6,16 @@
 //! - [`point_to_polygon`] is exact for a differential patch and a polygon.
 //! - [`polygon_to_polygon`] integrates over two polygons in full view of each other.
 //! - [`sample_form_factor`] follows rays between any objects of a world.
+//! - [`hemicube`] draws what a point sees, and gives the factors to everything at once.
+//! - [`average_hemicube`] is the mean of hemicubes at points of a surface.
 //! - [`form_factors`] chooses between them.
 
+mod average_hemicube;
 mod between;
+mod delta_factors;
 mod double_exponential;
 mod full_view;
+mod hemicube;
 #[cfg(test)]
 mod literature;
 mod point_to_polygon;
@@ -19,7 +24,11 @@ mod polygon_to_polygon;
 mod sampled;
 mod unoccluded;
 
-pub use between::{FormFactorError, FormFactors, form_factors};
+pub use average_hemicube::{AverageHemicube, AverageHemicubeSettings, average_hemicube};
+pub use between::{
+    FormFactorError, FormFactorMethod, FormFactorProgress, FormFactorSettings, FormFactors, form_factors,
+};
+pub use hemicube::{HemicubeFormFactors, HemicubeSettings, PrimitiveFormFactor, hemicube};
 pub use point_to_polygon::point_to_polygon;
 pub use polygon::{area_vector, clip_to_front};
 pub use polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};

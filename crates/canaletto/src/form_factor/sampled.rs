@@ -138,7 +138,12 @@ pub(super) fn sample(
 ) -> Result<SampledFormFactor, NoThreads> {
     assert!(from.0.nominal_area() > 0.0, "rays need a surface with an area to leave from");
     let sampling = Sampling { world, from, to, unoccluded };
-    with_stack(RAY_STACK + GROUP_STACK * world.most_groups(), || sampling.run(settings, progress))
+    with_stack(stack(world), || sampling.run(settings, progress))
+}
+
+/// The stack in bytes for rays and for drawing.
+pub(super) fn stack(world: &World) -> usize {
+    RAY_STACK + GROUP_STACK * world.most_groups()
 }
 
 /// The stack in bytes for a ray, and for each group around a primitive.

@@ -12,7 +12,7 @@ pub use probe::{LightTerm, Probe, RayKind};
 pub(crate) use radiosity::PreparedRadiosity;
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
-pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 pub(crate) use zbuffer::{
-    Zbuffer, ZbufferExplainer, omissions as omitted_by_zbuffer, sample_spacing as zbuffer_spacing,
+    Item, ItemView, Zbuffer, ZbufferExplainer, omissions as omitted_by_zbuffer, sample_spacing as zbuffer_spacing,
 };
+pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};

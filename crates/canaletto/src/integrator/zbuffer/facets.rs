@@ -31,26 +31,55 @@ pub(super) struct Facets {
 pub(super) struct Tolerance {
     /// The largest distance in pixels.
     pixels: f64,
-    projection: Projection,
+    distance: ViewDistance,
     /// The number of pixels that a unit of length covers at a depth of 1, at most.
     scale: f64,
-    near: f64,
     /// What planes are cut to, in the world's space.
     view: Aabb,
 }
 
+/// The distance from which a shape is seen.
+#[derive(Clone, Debug)]
+enum ViewDistance {
+    /// Its least depth in a projection, but no less than that of the near plane.
+    Depth { projection: Projection, near: f64 },
+    /// That of its bounds from a point, but no less than their diagonal times [`LEAST_DISTANCE`].
+    FromPoint(DVec3),
+}
+
+/// Shapes around a point are as fine as if they were seen from this share of their size. Their depths are exact, so
+/// that only outlines depend on it.
+const LEAST_DISTANCE: f64 = 1.0 / 8.0;
+
 impl Tolerance {
     pub(super) fn new(pixels: f64, projection: &Projection, size: [f64; 2], near: f64, view: Aabb) -> Tolerance {
         let scale = projection.pixels_per_unit(size);
-        Tolerance { pixels, projection: projection.clone(), scale, near, view }
+        Tolerance { pixels, distance: ViewDistance::Depth { projection: projection.clone(), near }, scale, view }
+    }
+
+    /// The tolerance of views in all directions from a point. Each has a square of `side` pixels with a half angle of
+    /// 45°.
+    pub(super) fn around(point: DVec3, pixels: f64, side: u32, view: Aabb) -> Tolerance {
+        // The centre of a square has half as many pixels for each unit of length; its corners have at most 2√3 as many.
+        let scale = 3.0f64.sqrt() * f64::from(side);
+        Tolerance { pixels, distance: ViewDistance::FromPoint(point), scale, view }
     }
 
     /// The tolerance in a shape's space.
     fn of(&self, shape: &Shape, to_world: Option<&Transform>) -> f64 {
-        let depth = shape.bounds().map_or(self.near, |bounds| {
-            let projection = self.projection.of_space(to_world);
-            corners(&bounds).map(|p| projection.point(p).z).fold(f64::INFINITY, f64::min).max(self.near)
-        });
+        let depth = match &self.distance {
+            ViewDistance::Depth { projection, near } => shape.bounds().map_or(*near, |bounds| {
+                let projection = projection.of_space(to_world);
+                corners(&bounds).map(|p| projection.point(p).z).fold(f64::INFINITY, f64::min).max(*near)
+            }),
+            // What has no bounds is flat.
+            ViewDistance::FromPoint(point) => shape.bounds().map_or(f64::MAX, |bounds| {
+                let placed = || corners(&bounds).map(|p| to_world.map_or(p, |t| t.point(p)));
+                let low = placed().fold(DVec3::INFINITY, DVec3::min);
+                let high = placed().fold(DVec3::NEG_INFINITY, DVec3::max);
+                (*point - point.clamp(low, high)).length().max((high - low).length() * LEAST_DISTANCE)
+            }),
+        };
         self.pixels * depth / (self.scale * to_world.map_or(1.0, Transform::max_stretch))
     }
 }

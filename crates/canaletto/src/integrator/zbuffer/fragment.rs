@@ -13,10 +13,10 @@ use std::collections::HashMap;
 
 /// A triangle of the world at hand: its corners and what is needed for hits on it.
 pub(super) struct VisibleTriangle<'a> {
-    source: Source,
+    pub(super) source: Source,
     /// The corners in the primitive's space.
     pub(super) corners: [Vec3; 3],
-    to_world: Option<&'a Transform>,
+    pub(super) to_world: Option<&'a Transform>,
     /// The part of the shape.
     part: u32,
     /// The tessellation, if the triangle isn't the surface itself.
@@ -147,6 +147,14 @@ impl VisibleTriangle<'_> {
             (Some(step), None) | (None, Some(step)) => t + step,
             (None, None) => t,
         }
+    }
+
+    /// The distance along a line that the roundings of `f32` in a hit on the surface are certain to be less than.
+    pub(super) fn rounding(&self, line: &DRay) -> f64 {
+        const ROUNDINGS: f64 = 1.0 / (1u32 << 20) as f64;
+        let local = self.to_local(line);
+        let corners = self.corners.map(|corner| f64::from(corner.abs().max_element()));
+        corners.into_iter().fold(0.0, f64::max) * ROUNDINGS / local.direction.length()
     }
 
     /// The hit of a line on the triangle, or at the place of the triangle that is nearest to the line: a sample of a

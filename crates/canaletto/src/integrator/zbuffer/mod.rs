@@ -13,10 +13,12 @@ mod explain;
 mod facets;
 mod fragment;
 mod geometry;
+mod item_buffer;
 mod omissions;
 mod projection;
 mod raster;
 mod shadow_map;
+mod unshaded_view;
 
 use super::whitted::{Fragment, Whitted, background};
 use super::{Cancelled, Counts, TileIntegrator, TileWorker};
@@ -34,11 +36,13 @@ pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
+pub(crate) use item_buffer::{Item, ItemView};
 pub(crate) use omissions::omissions;
 use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
+use unshaded_view::refined_depth;
 
 /// The most bytes of all shadow maps.
 const MOST_MAP_BYTES: u64 = 4 << 30;
@@ -433,17 +437,7 @@ fn refine(
     depth: f32,
 ) -> Option<f32> {
     let Zbuffer { world, camera, projection, .. } = zbuffer;
-    let line = camera.line(x, y);
-    if triangle.has_holes && visible.coverage(world, line, &visible.hit(&line)) < 0.5 {
-        return None;
-    }
-    if !triangle.is_curved {
-        return Some(depth);
-    }
-    let factor = projection.depth_factor(&line);
-    let t = visible.surface_near(&line, 1.0 / (f64::from(depth) * factor));
-    let depth = (1.0 / (t * factor)) as f32;
-    (f64::from(depth) <= projection.near_depth()).then_some(depth)
+    refined_depth(triangle, visible, &camera.line(x, y), depth, projection, world, 0.5)
 }
 
 /// The ray differential at a place of the picture, if the world needs it.

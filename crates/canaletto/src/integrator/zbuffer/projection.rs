@@ -56,8 +56,18 @@ impl Projection {
 
     /// The projection from `eye` along `forward` onto a square of `side` pixels, with the half angle of this tangent.
     pub(super) fn square(eye: DVec3, forward: DVec3, tangent: f64, side: u32, near: f64) -> Projection {
+        Self::square_along([across(forward).0, across(forward).1, forward], eye, tangent, side, near)
+    }
+
+    /// [`Projection::square`] with the directions that are to the right, upwards and forward.
+    pub(super) fn square_along(
+        [right, up, forward]: [DVec3; 3],
+        eye: DVec3,
+        tangent: f64,
+        side: u32,
+        near: f64,
+    ) -> Projection {
         let half = f64::from(side) * 0.5;
-        let (right, up) = across(forward);
         let rows = [
             [half / tangent, 0.0, half, 0.0],
             [0.0, half / tangent, half, 0.0],

@@ -8,21 +8,15 @@
 //! Shapes without bounds are in no map. A shadow ray is tested with each of them.
 
 use super::facets::{Tolerance, corners};
-use super::fragment::FacetCache;
-use super::geometry::{GeometryStage, Screen, has_holes};
 use super::projection::{Projection, depth_plane};
-use super::raster::{Sites, VisibilityBuffer};
+use super::unshaded_view::UnshadedView;
 use crate::integrator::whitted::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
 use crate::material::Material;
 use crate::world::World;
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::ops::ControlFlow;
-
-/// The side of the tiles in which maps are drawn.
-const TILE: i32 = 64;
 
 /// The nearest and the farthest depth of a map have at most this ratio.
 const NEAREST: f64 = 1.0 / (1u32 << 20) as f64;
@@ -112,49 +106,24 @@ fn draw(
     side: i32,
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> ControlFlow<(), Vec<f32>> {
-    let sites = Sites::new([[0.5; 2]]);
-    let screen = Screen { corner: [0; 2], size: [side; 2], side: TILE, from_top: false };
-    let stage = GeometryStage {
+    let view = UnshadedView {
         world,
         projection,
         tolerance,
-        screen,
-        sites: &sites,
+        corner: [0; 2],
+        size: [side; 2],
         compares_curves: false,
         with_unbounded: false,
-        traits: world.materials().iter().map(|material| [casts_shadows(material), has_holes(material)]).collect(),
+        is_drawn: casts_shadows,
+        is_seen: &|_| true,
+        least_coverage: &|_, _| 0.5,
     };
-    let binned = stage.run(cancelled)?;
-    let [across, rows] = screen.tiles();
-    let tiles: Vec<VisibilityBuffer> = (0..across * rows)
-        .into_par_iter()
-        .map_init(FacetCache::default, |cache, tile| {
-            let corner = [tile % across * TILE, tile / across * TILE];
-            let size = corner.map(|c| TILE.min(side - c));
-            let mut buffer = VisibilityBuffer::default();
-            buffer.reset(corner, size, &sites, f32::NEG_INFINITY);
-            cache.clear();
-            for (number, triangle) in (0..).zip(binned.tile(tile as usize)) {
-                if triangle.has_holes {
-                    cache.prepare(triangle.source, world, &binned, tolerance);
-                }
-                buffer.draw(triangle, number, &sites, |place, depth| {
-                    let Some(visible) = cache.triangle(triangle.source, world, &binned) else { return Some(depth) };
-                    let line = projection.line(place);
-                    let hit = visible.hit(&line);
-                    (visible.coverage(world, line, &hit) >= 0.5).then_some(depth)
-                });
-            }
-            buffer
-        })
-        .collect();
+    let tiles = view.draw(cancelled, |tile| (tile.corner, tile.size, tile.visibility.depths().to_vec()))?;
     let mut depths = vec![f32::NEG_INFINITY; side as usize * side as usize];
-    for (tile, buffer) in (0..).zip(&tiles) {
-        let [x, y] = [tile % across * TILE, tile / across * TILE];
-        let width = TILE.min(side - x) as usize;
-        for (row, values) in buffer.depths().chunks(width).enumerate() {
+    for ([x, y], [width, _], values) in tiles {
+        for (row, values) in values.chunks(width as usize).enumerate() {
             let start = (y as usize + row) * side as usize + x as usize;
-            depths[start..start + width].copy_from_slice(values);
+            depths[start..start + width as usize].copy_from_slice(values);
         }
     }
     ControlFlow::Continue(depths)
