@@ -35,7 +35,7 @@ mod terminal;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
-use command::{check, compare, compare_methods, completions, explain, form_factor, info, man, render};
+use command::{check, compare, compare_methods, completions, explain, form_factor, info, man, measure, render};
 use exit::Exit;
 use failure::Failure;
 use std::io::Write;
@@ -82,6 +82,7 @@ enum Command {
     Render(Box<render::RenderFlags>),
     Explain(Box<explain::ExplainFlags>),
     FormFactor(form_factor::FormFactorFlags),
+    Measure(measure::MeasureFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -121,6 +122,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Render(flags) => render::run(flags),
         Command::Explain(flags) => explain::run(flags),
         Command::FormFactor(flags) => form_factor::run(flags),
+        Command::Measure(flags) => measure::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),

@@ -8,4 +8,5 @@ pub(crate) mod explain;
 pub(crate) mod form_factor;
 pub(crate) mod info;
 pub(crate) mod man;
+pub(crate) mod measure;
 pub(crate) mod render;

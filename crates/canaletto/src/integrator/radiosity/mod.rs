@@ -20,6 +20,7 @@ mod full;
 mod hierarchical;
 mod interpolation;
 mod link;
+mod measure;
 mod mesh;
 mod outline;
 mod root;
@@ -30,6 +31,7 @@ mod sources;
 #[cfg(test)]
 mod tests;
 
+pub use measure::Measurement;
 pub(crate) use second_pass::{PreparedRadiosity, ShownSolution};
 pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};

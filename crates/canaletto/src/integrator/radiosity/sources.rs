@@ -120,7 +120,7 @@ impl PatchMesh<'_> {
 }
 
 /// The environment's radiance around a direction, without its sun, which is a light.
-fn environment(world: &World, direction: DVec3, x: DVec3, y: DVec3) -> DVec3 {
+pub(super) fn environment(world: &World, direction: DVec3, x: DVec3, y: DVec3) -> DVec3 {
     let Some(environment) = &world.environment else { return DVec3::ZERO };
     // The square root of the solid angle that a direction stands for, about π over their number.
     let width = std::f64::consts::PI.sqrt() / (DIRECTIONS * DIRECTIONS) as f64;

@@ -425,3 +425,43 @@ fn pictures_are_equal_ray_by_ray() {
         assert!(bright > 200, "{show:?}: {bright}");
     }
 }
+
+/// A light meter anywhere in a furnace reads π E / (1 − ρ) in every direction.
+#[test]
+fn meters_in_a_furnace_read_its_light() {
+    let room = Node::from(cube(-1.0, 1.0)).with_material(0);
+    let mut wall = emitting("wall", 0.5, [1.0, 2.0, 4.0]);
+    wall.two_sided = true;
+    let world = World::build(Scene { materials: vec![wall], nodes: vec![room], ..Scene::default() }).unwrap();
+    let solution = RadiositySolution::solve(&world, &settings(RadiosityMethod::Full, 0.1), &()).unwrap();
+    let expected = DVec3::new(1.0, 2.0, 4.0) * (2.0 * PI);
+    for (number, (point, normal)) in
+        [(DVec3::ZERO, DVec3::Y), (DVec3::new(0.5, -0.2, 0.9), DVec3::new(0.6, 0.0, -0.8))].into_iter().enumerate()
+    {
+        let measured = solution.measure(&world, (point, normal), 256, (1, number as u32));
+        assert!((measured.irradiance / expected - 1.0).abs().max_element() < 1e-3, "{measured:?}");
+        assert!((measured.illuminance() / (DVec3::new(0.2126, 0.7152, 0.0722).dot(expected)) - 1.0).abs() < 1e-3);
+    }
+}
+
+/// Meters on the walls of a lit room with a block read what its patches have, within four standard errors and a share
+/// for the interpolation.
+#[test]
+fn meters_on_walls_read_the_light_of_patches() {
+    let mut lamp = SceneLight::new(LightKind::Omni(Omni::at(Vec3::new(0.2, 1.0, -0.3))), Rgb::gray(4.0));
+    lamp.attenuation = [0.0, 0.0, 1.0];
+    let block = Shape::Box(Cuboid { min: Vec3::new(-1.0, -2.0, -1.0), max: Vec3::new(0.0, -0.5, 0.0) });
+    let nodes =
+        vec![Node::from(cube(-2.0, 2.0)).with_material(0), Node::from(block).with_material(0), Node::from(lamp)];
+    let world = World::build(Scene { materials: vec![kd("wall", 0.6)], nodes, ..Scene::default() }).unwrap();
+    let solution = RadiositySolution::solve(&world, &settings(RadiosityMethod::Hierarchical, 0.01), &()).unwrap();
+    let mut compared = 0;
+    for (number, patch) in solution.patches().iter().enumerate().filter(|(_, patch)| !patch.is_outer).step_by(41) {
+        let measured = solution.measure(&world, (patch.center, patch.normal), 4096, (7, number as u32));
+        let expected = patch.irradiance().x;
+        let room = 4.0 * measured.standard_error.x + 0.03 * expected;
+        assert!((measured.irradiance.x - expected).abs() < room, "{measured:?} instead of {expected} at {patch:?}");
+        compared += 1;
+    }
+    assert!(compared > 20, "{compared}");
+}

@@ -1,0 +1,226 @@
+//! `canaletto measure`: the light at points, as a light meter reads it.
+
+use crate::exit::Exit;
+use crate::failure::{Failure, eprint_line, print_diagnostics};
+use crate::flags::SourceFlags;
+use crate::format::{duration, plural};
+use crate::interrupt;
+use crate::output::{replaced, write_file};
+use crate::source::{Reader, build, on_threads};
+use canaletto::glam::DVec3;
+use canaletto::integrator::radiosity::{Measurement, RadiosityError, RadiositySolution};
+use canaletto::render::Observer;
+use canaletto::scene::{Integrator, RadiositySettings};
+use clap::Args;
+use rayon::prelude::*;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Measures the light that arrives at points: irradiance and illuminance, with their standard errors.
+///
+/// The light of the scene is solved by radiosity, with the settings of the scene if its integrator is "radiosity". Rays
+/// from each point then find what arrives. Each line of the points' file holds a place and a direction, x y z nx ny nz,
+/// with commas or blanks between them; the first line may hold their names.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct MeasureFlags {
+    #[command(flatten)]
+    pub source: SourceFlags,
+
+    /// Names the file of the points
+    #[arg(long, value_name = "FILE", help_heading = "Points")]
+    pub points: PathBuf,
+
+    /// Sets the output's file; - is the standard output
+    #[arg(short, long, value_name = "FILE", default_value = "-", help_heading = "Output")]
+    pub output: PathBuf,
+
+    /// Sets the number of rays from each point
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=16_777_216), help_heading = "Sampling")]
+    pub rays: u32,
+
+    /// Sets the seed of the random numbers; the same seed gives the same answer
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Sampling")]
+    pub seed: u64,
+
+    /// Sets the frame [default: the scene's first, or 0]
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub frame: Option<u32>,
+
+    /// Prints nothing but errors
+    #[arg(short, long, help_heading = "Messages")]
+    pub quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+The columns of the output are x y z nx ny nz, the irradiance in red, green and blue, the illuminance, and the standard
+errors of all four. The illuminance is the luminance of the irradiance (Rec. 709): lux, if the lights are photometric.
+
+Examples:
+  canaletto measure scenes/cornell-box.kdl --points desk.csv -o desk-light.csv
+  printf '2.78 1 2.8  0 1 0\\n' | canaletto measure scenes/cornell-box.kdl --points -
+  canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384 --set integrator.error=0.003";
+
+/// The header of the output.
+const HEADER: &str = "x,y,z,nx,ny,nz,irradiance_r,irradiance_g,irradiance_b,illuminance,\
+                      error_r,error_g,error_b,illuminance_error\n";
+
+/// The number of points between two looks at whether to stop.
+const CHUNK: usize = 64;
+
+/// Stops solving after a signal.
+struct Signals;
+
+impl Observer for Signals {
+    fn cancelled(&self) -> bool {
+        interrupt::requested()
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &MeasureFlags) -> Result<Exit, Failure> {
+    on_threads(flags.source.threads, || measure(flags))?
+}
+
+fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
+    let begun = Instant::now();
+    let points = read_points(&flags.points)?;
+    let mut reader = Reader::open(&flags.source)?;
+    let source = reader.at(flags.frame.unwrap_or(reader.first_frame()))?;
+    if !flags.quiet {
+        print_diagnostics(&source.warnings, false);
+    }
+    let input = reader.replaced_by([flags.output.clone()]).or_else(|| same_file(&flags.output, &flags.points));
+    if let Some(file) = input {
+        return Err(replaced("--output", &file));
+    }
+    let settings = match source.scene.integrator {
+        Integrator::Radiosity(settings) => settings,
+        _ => RadiositySettings::default(),
+    };
+    let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
+    let _measuring = interrupt::Rendering;
+    interrupt::Rendering::begins();
+    let solution = match RadiositySolution::solve(&world, &settings, &Signals) {
+        Ok(solution) => solution,
+        Err(RadiosityError::Cancelled) => return Ok(Exit::Interrupted),
+        Err(problem) => return Err(Failure::new(Exit::Scene, format!("{}: {problem}", source.name))),
+    };
+    let mut text = String::from(HEADER);
+    let mut done = 0;
+    for chunk in points.chunks(CHUNK) {
+        if interrupt::requested() {
+            break;
+        }
+        let first = done;
+        let measured: Vec<Measurement> = chunk
+            .par_iter()
+            .enumerate()
+            .map(|(i, (point, normal))| {
+                let place = (*point - world.origin(), *normal);
+                solution.measure(&world, place, flags.rays, (flags.seed, (first + i) as u32))
+            })
+            .collect();
+        for ((point, normal), measurement) in chunk.iter().zip(&measured) {
+            push_line(&mut text, *point, *normal, measurement);
+        }
+        done += chunk.len();
+    }
+    write_file(&flags.output, text.as_bytes())?;
+    if !flags.quiet {
+        let place =
+            if flags.output == Path::new("-") { String::new() } else { format!("{}: ", flags.output.display()) };
+        let (points, patches) = (plural(done as u64, "point"), plural(solution.patches().len() as u64, "patch"));
+        eprint_line(&format!("{place}{points}, {} rays each, {patches}, {}", flags.rays, duration(begun.elapsed())));
+    }
+    if done < points.len() {
+        eprint_line(&format!("stopped: {} of {} points were measured", done, points.len()));
+        return Ok(Exit::Interrupted);
+    }
+    Ok(Exit::Done)
+}
+
+fn push_line(text: &mut String, point: DVec3, normal: DVec3, measurement: &Measurement) {
+    let [place, facing] = [point, normal].map(|v| v.to_array());
+    let [light, error] = [measurement.irradiance, measurement.standard_error].map(|v| v.to_array().map(|v| v as f32));
+    let [lux, lux_error] = [measurement.illuminance(), measurement.illuminance_error()].map(|v| v as f32);
+    let all = place.iter().chain(&facing).map(f64::to_string);
+    let all = all.chain(light.iter().chain([&lux]).chain(&error).chain([&lux_error]).map(f32::to_string));
+    let _ = writeln!(text, "{}", all.collect::<Vec<_>>().join(","));
+}
+
+/// The points' file, if the output would replace it.
+fn same_file(output: &Path, points: &Path) -> Option<PathBuf> {
+    let same = output != Path::new("-")
+        && output.canonicalize().is_ok_and(|output| points.canonicalize().is_ok_and(|points| points == output));
+    same.then(|| points.to_path_buf())
+}
+
+/// The places and unit directions of a file; `-` is the standard input.
+fn read_points(path: &Path) -> Result<Vec<(DVec3, DVec3)>, Failure> {
+    let failed = |e: std::io::Error| Failure::new(Exit::Scene, format!("--points {}: {e}", path.display()));
+    let text = if path == Path::new("-") {
+        std::io::read_to_string(std::io::stdin()).map_err(failed)?
+    } else {
+        std::fs::read_to_string(path).map_err(failed)?
+    };
+    parse_points(&text).map_err(|(line, problem)| {
+        Failure::new(Exit::Scene, format!("{}:{line}: {problem}", path.display()))
+            .help("a line holds x y z nx ny nz, such as 0 0.8 0  0 1 0")
+    })
+}
+
+fn parse_points(text: &str) -> Result<Vec<(DVec3, DVec3)>, (usize, String)> {
+    let mut points = Vec::new();
+    for (line, row) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
+        let row = row.split('#').next().unwrap_or_default();
+        let words: Vec<&str> = row.split([',', ';', ' ', '\t']).filter(|word| !word.is_empty()).collect();
+        let is_header = points.is_empty() && !words.is_empty() && words.iter().all(|w| w.parse::<f64>().is_err());
+        if words.is_empty() || is_header {
+            continue;
+        }
+        let numbers: Vec<f64> = words
+            .iter()
+            .map(|word| match word.parse::<f64>() {
+                Ok(number) if number.is_finite() => Ok(number),
+                _ => Err((line, format!("\"{word}\" is no number"))),
+            })
+            .collect::<Result<_, _>>()?;
+        let [x, y, z, nx, ny, nz] = numbers[..] else {
+            return Err((line, format!("there are {} numbers; a point has 6", numbers.len())));
+        };
+        let normal = DVec3::new(nx, ny, nz);
+        let Some(normal) = normal.try_normalize() else {
+            return Err((line, "the direction nx ny nz is zero".into()));
+        };
+        points.push((DVec3::new(x, y, z), normal));
+    }
+    if points.is_empty() { Err((1, "there are no points".into())) } else { Ok(points) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_read_with_commas_blanks_comments_and_a_header() {
+        let text = "x,y,z,nx,ny,nz\n1,2,3,0,0,2\n\n# a comment\n4 5 6\t1 0 0 # to the right\n";
+        let points = parse_points(text).unwrap();
+        assert_eq!(points, [(DVec3::new(1.0, 2.0, 3.0), DVec3::Z), (DVec3::new(4.0, 5.0, 6.0), DVec3::X)]);
+    }
+
+    #[test]
+    fn wrong_lines_are_named() {
+        for (text, line, problem) in [
+            ("1 2 3 0 0 1\n1 2 3 0 0\n", 2, "5 numbers"),
+            ("1 2 3 0 0 1\n\n1 2 3 0 zero 1\n", 3, "\"zero\""),
+            ("1 2 3 0 0 0\n", 1, "direction"),
+            ("1 2 inf 0 0 1\n", 1, "\"inf\""),
+            ("", 1, "no points"),
+        ] {
+            let (found, message) = parse_points(text).unwrap_err();
+            assert!(found == line && message.contains(problem), "{text:?}: {found}: {message}");
+        }
+    }
+}

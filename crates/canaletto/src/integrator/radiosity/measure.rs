@@ -1,0 +1,143 @@
+//! Measurements of light at points of space, as a light meter takes them.
+
+use super::RadiositySolution;
+use super::exchange::BEFORE_END;
+use super::mesh::vector;
+use super::sources::environment;
+use crate::math::{DRay, offset_origin, rounding, warp};
+use crate::sampler::{Dimension, FrameSampler};
+use crate::scene::SamplerKind;
+use crate::world::{OccluderCache, World};
+use canaletto_bvh::Ray;
+use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+
+/// The number of independent sets of rays, whose spread tells the error.
+const SETS: u32 = 16;
+
+/// The most surfaces that let light through along one ray.
+const MAX_CLEAR: usize = 64;
+
+/// The light that arrives at a point with a direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Measurement {
+    /// The irradiance in red, green and blue: the power per unit of area. It is π times the radiance of a white surface
+    /// there.
+    pub irradiance: DVec3,
+    /// The standard error of each.
+    pub standard_error: DVec3,
+}
+
+impl Measurement {
+    /// The luminance of the irradiance, by the weights of Rec. 709: the illuminance, if the lights are in photometric
+    /// units.
+    pub fn illuminance(&self) -> f64 {
+        LUMINANCE.dot(self.irradiance)
+    }
+
+    /// A bound of the standard error of the illuminance: the sum of the colours' errors, which go together.
+    pub fn illuminance_error(&self) -> f64 {
+        LUMINANCE.dot(self.standard_error)
+    }
+}
+
+const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
+impl RadiositySolution {
+    /// Measures the irradiance at a point of the world, facing along a unit normal. Lights without a surface are found
+    /// exactly. About `rays` rays find the light of surfaces and of the environment. Each measurement of a seed should
+    /// have a number of its own.
+    pub fn measure(
+        &self,
+        world: &World,
+        (point, normal): (DVec3, DVec3),
+        rays: u32,
+        (seed, number): (u64, u32),
+    ) -> Measurement {
+        let near = point.as_vec3();
+        // A point on a surface sees what lies before it.
+        let origin = offset_origin(near, rounding(near) * 4.0, normal, normal);
+        let lights = self.light_of_lights(world, point, origin, normal);
+        let (x, y) = normal.any_orthonormal_pair();
+        let each = rays.div_ceil(SETS).max(1);
+        let sampler = FrameSampler::new(seed, 0, SamplerKind::Sobol);
+        let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
+        for set in 0..SETS {
+            let numbers = sampler.pixel([number, set]);
+            let mut mean = DVec3::ZERO;
+            for index in 0..each {
+                let p = warp::disk(numbers.sample(index, each).two(Dimension::EYE));
+                // Uniform points of the disk under the hemisphere have the density of the cosine (Malley).
+                let height = (1.0 - p.length_squared()).max(0.0).sqrt();
+                let direction = x * p.x + y * p.y + normal * height;
+                mean += self.radiance_along(world, origin, direction, [x, y]);
+            }
+            mean /= f64::from(each);
+            sum += mean;
+            squares += mean * mean;
+        }
+        let sets = f64::from(SETS);
+        let mean = sum / sets;
+        let variance = ((squares / sets - mean * mean) * (sets / (sets - 1.0))).max(DVec3::ZERO) / sets;
+        let root = DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt());
+        Measurement { irradiance: (lights + mean) * PI, standard_error: root * PI }
+    }
+
+    /// The light of the scene's lights, as the radiance of a white surface.
+    fn light_of_lights(&self, world: &World, point: DVec3, origin: Vec3, normal: DVec3) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for light in &world.lights {
+            let mut last = OccluderCache::NONE;
+            for index in 0..light.points() {
+                let arriving = light.illuminate_evenly(index, point);
+                let cosine = normal.dot(arriving.direction);
+                // A light exactly at the point gives NaN, which is no positive cosine.
+                let is_before = cosine > 0.0;
+                if !is_before || arriving.intensity.is_black() {
+                    continue;
+                }
+                let (to, t_max) = match arriving.position {
+                    Some(position) => (position - origin, BEFORE_END),
+                    None => (arriving.direction.as_vec3(), f32::INFINITY),
+                };
+                let passed = if light.light.shadows {
+                    world.transmittance(&Ray::new(origin, to), t_max, 0.0, None, &mut last, &mut ())
+                } else {
+                    1.0
+                };
+                sum += vector(arriving.intensity) * (cosine * f64::from(passed));
+            }
+        }
+        sum
+    }
+
+    /// The radiance that arrives along a ray: of the patches that it meets, or of the environment.
+    fn radiance_along(&self, world: &World, origin: Vec3, direction: DVec3, across: [DVec3; 2]) -> DVec3 {
+        let (mut line, mut ray) =
+            (DRay { origin: origin.as_dvec3(), direction }, Ray::new(origin, direction.as_vec3()));
+        let (mut sum, mut share) = (DVec3::ZERO, 1.0);
+        for _ in 0..MAX_CLEAR {
+            let Some(hit) = world.intersect(&ray, f32::INFINITY) else {
+                return sum + environment(world, direction, across[0], across[1]) * share;
+            };
+            let surface = world.surface(line, &hit);
+            let outside = direction.dot(surface.normal) < 0.0;
+            let opacity = f64::from(world.opacity_at(line, &hit, None));
+            let patch = self.patch_at(hit.instance, hit.primitive, hit.part, outside, surface.exact);
+            let light = self.light_at(hit.instance, hit.primitive, hit.part, outside, surface.exact);
+            if let (Some(patch), Some(light)) = (patch, light) {
+                let patch = &self.patches()[patch];
+                let radiance = patch.emission + patch.reflectance * (light.direct + light.indirect);
+                sum += radiance * (share * opacity);
+            }
+            share *= 1.0 - opacity;
+            if share <= 0.0 {
+                break;
+            }
+            line.origin = surface.exact;
+            ray = line.from_origin(offset_origin(surface.point, surface.error, surface.normal, direction));
+        }
+        sum
+    }
+}
