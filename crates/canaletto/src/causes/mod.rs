@@ -1,6 +1,6 @@
 //! Why the pictures of two integrators differ: the cause of each differing pixel, found in the trees of its rays.
 //!
-//! Both pixels are explained by the recorder of [`mod@crate::explain`]. [`terms`] splits their difference into one part
+//! Both pixels are explained by the recorder of [`mod@crate::explain`]. `terms` splits their difference into one part
 //! for each cause, term by term. The cause of a pixel is the part that alone closes most of the difference as a display
 //! shows it.
 

@@ -4,10 +4,10 @@
 //! lights, D, and from all other patches: B = E + ρ (D + Σ F B). The form factor F is the share of a patch's view that
 //! another patch fills. All light is counted as radiance, so that a white surface in light of radiance 1 has 1.
 //!
-//! - [`root`] and [`mesh`] make patches of all shapes. Patches that touching bodies cover in part are split first.
-//! - [`exchange`] finds form factors: exact contours times the visibility of rays. [`sources`] finds D.
-//! - [`hierarchical`] refines [`link`]s between nodes of the mesh, and [`balance`] solves the equations over them.
-//! - [`shooting`] and [`full`] solve them on a mesh of equal patches.
+//! - `root` and `mesh` make patches of all shapes. Patches that touching bodies cover in part are split first.
+//! - `exchange` finds form factors: exact contours times the visibility of rays. `sources` finds D.
+//! - `hierarchical` refines `link`s between nodes of the mesh, and `balance` solves the equations over them.
+//! - `shooting` and `full` solve them on a mesh of equal patches.
 //!
 //! Deviations: moving objects stay where they are when the shutter opens. Materials count by their diffuse colour
 //! alone. Clear surfaces let light pass straight through, as shadow rays do.
