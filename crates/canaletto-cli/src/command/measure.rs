@@ -54,13 +54,14 @@ pub(crate) struct MeasureFlags {
 }
 
 const EXAMPLES: &str = "\
-The columns of the output are x y z nx ny nz, the irradiance in red, green and blue, the illuminance, and the standard
-errors of all four. The illuminance is the luminance of the irradiance (Rec. 709): lux, if the lights are photometric.
+The output has the columns x y z nx ny nz, then the irradiance in red, green and
+blue, the illuminance, and the standard errors of all four. The illuminance is the
+luminance of the irradiance (Rec. 709): lux, if the lights are photometric.
 
 Examples:
   canaletto measure scenes/cornell-box.kdl --points desk.csv -o desk-light.csv
   printf '2.78 1 2.8  0 1 0\\n' | canaletto measure scenes/cornell-box.kdl --points -
-  canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384 --set integrator.error=0.003";
+  canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384";
 
 /// The header of the output.
 const HEADER: &str = "x,y,z,nx,ny,nz,irradiance_r,irradiance_g,irradiance_b,illuminance,\
