@@ -45,13 +45,10 @@ impl fmt::Display for Omission {
             Omission::Substitute { sentence, names } => {
                 write!(f, "{sentence}")?;
                 if names.is_empty() {
-                    Ok(())
-                } else {
-                    {
-                        write!(f, ": ")?;
-                        write_list(f, names)
-                    }
+                    return Ok(());
                 }
+                write!(f, ": ")?;
+                write_list(f, names)
             }
         }
     }

@@ -119,14 +119,7 @@ impl<'a> ExplainWorker<'a> {
         let Some(whitted) = explainer.ray_integrator() else { return Err(ExplainError::Cancelled) };
         let mut whitted = whitted.with_cancel(&stops);
         pixels.pixel(&mut whitted, pixel, &mut recorder, &mut sum);
-        self.rays += whitted.counts.total();
-        if whitted.is_cancelled() {
-            return Err(if whitted.counts.total() > max_rays {
-                ExplainError::TooManyRays
-            } else {
-                ExplainError::Cancelled
-            });
-        }
+        self.count(&whitted)?;
         Ok(self.tree(pixel, recorder, &sum))
     }
 
@@ -156,15 +149,22 @@ impl<'a> ExplainWorker<'a> {
             whitted.begin(sampler.sample(index as u32, places.len() as u32), 0.0);
             sum.add(whitted.eye(camera.line(x, y), differential.as_ref(), &mut recorder), weight);
         }
-        self.rays += whitted.counts.total();
-        if whitted.is_cancelled() {
-            return Err(if whitted.counts.total() > max_rays {
-                ExplainError::TooManyRays
-            } else {
-                ExplainError::Cancelled
-            });
-        }
+        self.count(&whitted)?;
         Ok(Some(self.tree(pixel, recorder, &sum)))
+    }
+
+    /// Counts the rays of a pixel.
+    ///
+    /// # Errors
+    /// [`ExplainError`] if there were too many, or if cancelled.
+    fn count(&mut self, whitted: &Whitted) -> Result<(), ExplainError> {
+        let rays = whitted.counts.total();
+        self.rays += rays;
+        match whitted.is_cancelled() {
+            false => Ok(()),
+            true if rays > self.max_rays => Err(ExplainError::TooManyRays),
+            true => Err(ExplainError::Cancelled),
+        }
     }
 
     fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {

@@ -1,18 +1,9 @@
 use super::*;
 use crate::form_factor::literature;
-use crate::scene::{Content, Node, Scene};
-use crate::shape::{Cuboid, Disk, Mesh, Shape, Sphere};
+use crate::form_factor::testing::rectangle;
+use crate::scene::{Node, Scene};
+use crate::shape::{Cuboid, Disk, Shape, Sphere};
 use glam::Vec3;
-
-fn rectangle(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) {
-    let [corner, u, v] = [corner, u, v].map(Vec3::from);
-    scene.meshes.push(Mesh {
-        positions: vec![corner, corner + u, corner + u + v, corner + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    });
-    scene.nodes.push(Node::new(Content::Mesh(scene.meshes.len() as u32 - 1)).named(name));
-}
 
 fn squares() -> Scene {
     let mut scene = Scene::default();

@@ -1,21 +1,12 @@
 use super::*;
 use crate::form_factor::literature;
+use crate::form_factor::testing::rectangle;
 use crate::scene::{Content, Node, Scene};
 use crate::shape::{Cuboid, Disk, Mesh, Plane, Shape, Sphere, Triangle};
 use glam::Vec3;
 
 fn node(scene: &mut Scene, name: &str, shape: impl Into<Shape>) {
     scene.nodes.push(Node::from(shape.into()).named(name));
-}
-
-fn rectangle(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) {
-    let [corner, u, v] = [corner, u, v].map(Vec3::from);
-    scene.meshes.push(Mesh {
-        positions: vec![corner, corner + u, corner + u + v, corner + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    });
-    scene.nodes.push(Node::new(Content::Mesh(scene.meshes.len() as u32 - 1)).named(name));
 }
 
 fn between(scene: &Scene, names: [&str; 2], sides: [Side; 2], error: f64) -> Result<FormFactors, FormFactorError> {

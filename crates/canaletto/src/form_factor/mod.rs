@@ -22,6 +22,8 @@ mod point_to_polygon;
 mod polygon;
 mod polygon_to_polygon;
 mod sampled;
+#[cfg(test)]
+mod testing;
 mod unoccluded;
 
 pub use average_hemicube::{AverageHemicube, AverageHemicubeSettings, average_hemicube};

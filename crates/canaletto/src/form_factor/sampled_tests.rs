@@ -1,22 +1,12 @@
 use super::*;
 use crate::form_factor::literature;
+use crate::form_factor::testing::rectangle;
 use crate::material::{Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
-use crate::shape::{Cone, Cuboid, Cylinder, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus};
+use crate::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, SphereCloud, Torus};
 use glam::Vec3;
 use std::f64::consts::PI;
-
-/// A flat rectangle from a corner along two edges, whose front is on the side of u × v.
-fn rectangle(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3]) {
-    let [corner, u, v] = [corner, u, v].map(Vec3::from);
-    scene.meshes.push(Mesh {
-        positions: vec![corner, corner + u, corner + u + v, corner + v],
-        triangles: vec![[0, 1, 2], [0, 2, 3]],
-        ..Mesh::default()
-    });
-    scene.nodes.push(Node::new(Content::Mesh(scene.meshes.len() as u32 - 1)).named(name));
-}
 
 fn disk(scene: &mut Scene, name: &str, height: f32, radius: f32, up: f32) {
     let disk = Disk { center: Vec3::Z * height, normal: Vec3::Z * up, radius };

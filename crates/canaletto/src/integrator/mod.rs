@@ -1,6 +1,7 @@
 //! Integrators: from a world to the colours of tiles.
 
 mod counts;
+mod first_hit;
 mod probe;
 pub mod radiosity;
 mod tile_integrator;
@@ -8,6 +9,7 @@ mod whitted;
 mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
+pub(crate) use first_hit::FirstHit;
 pub use probe::{LightTerm, Probe, RayKind};
 pub(crate) use radiosity::PreparedRadiosity;
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};

@@ -217,6 +217,13 @@ impl MaterialPoint {
         self.overlay.1 < 1.0
     }
 
+    /// The colour of the point under its overlay, if there is one.
+    #[inline(always)]
+    pub(crate) fn under_overlay(&self, color: Rgb) -> Rgb {
+        let (overlay, share) = self.overlay;
+        if share > 0.0 { (overlay * share + color * (1.0 - share)).saturated() } else { color }
+    }
+
     /// Whether light passes: o < 1.
     #[inline]
     pub fn is_clear(&self) -> bool {

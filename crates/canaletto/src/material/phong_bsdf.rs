@@ -113,11 +113,7 @@ impl PhongBsdf {
         let i = self.sums.iter().position(|sum| u_lobe < *sum)?;
         let lobe = LOBES[i];
         let wi = match lobe {
-            Lobe::Diffuse => {
-                // Malley: the points of a disk, lifted onto the hemisphere, have the cosine's density.
-                let p = warp::disk(u);
-                around(self.frame.normal, p.extend((1.0 - p.length_squared()).max(0.0).sqrt()))
-            }
+            Lobe::Diffuse => around(self.frame.normal, warp::cosine_hemisphere(u)),
             Lobe::Highlight => {
                 let cos = libm::pow(1.0 - u[0], 1.0 / (f64::from(self.phong.n) + 1.0));
                 let (sin, across) = (libm::sincos(TAU * u[1]), (1.0 - cos * cos).max(0.0).sqrt());

@@ -1,7 +1,7 @@
 //! Maps from the unit square, in which samplers place their points, to the sampled shapes. They preserve areas, so that
 //! uniform points stay uniform.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// A point of the unit disk: squares around the square's centre become circles (Shirley & Chiu, *A Low Distortion Map
@@ -15,6 +15,12 @@ pub fn disk([u, v]: [f64; 2]) -> DVec2 {
         if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (a / b)) };
     let (sin, cos) = libm::sincos(angle);
     DVec2::new(cos, sin) * r
+}
+
+/// A direction of the hemisphere around z, with the density of its cosine: a point of the disk under it (Malley).
+pub fn cosine_hemisphere(u: [f64; 2]) -> DVec3 {
+    let p = disk(u);
+    p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
 }
 
 /// A point of the regular polygon with `corners` corners, at least 3, on the unit circle. The first corner is at angle

@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::film::TileBuffer;
-use crate::integrator::{LightTerm, Probe, RayKind};
+use crate::integrator::{FirstHit, LightTerm, Probe, RayKind};
 use crate::job::Aov;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
@@ -49,10 +49,8 @@ pub(super) struct AovProbe<'w> {
     camera: &'w Camera,
     /// The eye's position at the time of the sample.
     eye: DVec3,
-    /// Depth, normal, position and uv of the first sample.
-    geometry: Option<[f32; 9]>,
-    /// The numbers of the first sample's object and material; 0 for a miss.
-    ids: [u32; 2],
+    /// The hit of the first sample.
+    first_hit: FirstHit,
     samples: u32,
     sums: [[f64; 3]; 7],
     alpha: f64,
@@ -72,8 +70,7 @@ impl<'w> AovProbe<'w> {
             world,
             camera,
             eye: camera.eye(),
-            geometry: None,
-            ids: [0; 2],
+            first_hit: FirstHit::MISS,
             samples: 0,
             sums: [[0.0; 3]; 7],
             alpha: 0.0,
@@ -111,15 +108,10 @@ impl<'w> AovProbe<'w> {
 
     /// The values of the pixel's samples. Light is a weighted sum over them.
     fn write(&self, aov: Aov, out: &mut [f64]) {
-        const MISS: [f32; 9] = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let geometry = self.geometry.as_ref().unwrap_or(&MISS).map(f64::from);
         match aov {
-            Aov::Depth => out.copy_from_slice(&geometry[0..1]),
-            Aov::Normal => out.copy_from_slice(&geometry[1..4]),
-            Aov::Position => out.copy_from_slice(&geometry[4..7]),
-            Aov::Uv => out.copy_from_slice(&geometry[7..9]),
-            Aov::ObjectId => out[0] = self.ids[0].into(),
-            Aov::MaterialId => out[0] = self.ids[1].into(),
+            Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId => {
+                self.first_hit.write(aov, out);
+            }
             Aov::Diffuse => out.copy_from_slice(&self.sums[0]),
             Aov::Specular => out.copy_from_slice(&self.sums[1]),
             Aov::Shadow => out.copy_from_slice(&self.sums[2]),
@@ -167,11 +159,7 @@ impl Probe for AovProbe<'_> {
 
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
-            let normal = if outside { surface.shading_normal } else { -surface.shading_normal }.as_vec3();
-            let (p, uv) = (self.world.to_scene(surface.point), surface.uv);
-            let depth = (surface.exact - self.eye).length() as f32;
-            self.ids = [self.world.object_id(hit), self.world.material_index(hit) + 1];
-            self.geometry = Some([depth, normal.x, normal.y, normal.z, p.x, p.y, p.z, uv.x, uv.y]);
+            self.first_hit = FirstHit::new(self.world, self.eye, hit, surface, outside);
         }
     }
 

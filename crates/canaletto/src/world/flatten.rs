@@ -280,45 +280,21 @@ impl Builder {
                 self.object(node, "mesh", part);
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = if moved { None } else { self.place_of(geometry, &transform) };
-                self.instance(
-                    part,
-                    Instance {
-                        material: own,
-                        inherited,
-                        to_world,
-                        ..Instance::of(geometry, part.object_numbers.last())
-                    },
-                )
+                self.geometry_instance(part, geometry, [own, inherited], to_world)
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.instance(
-                    part,
-                    Instance {
-                        material: own,
-                        inherited,
-                        to_world,
-                        ..Instance::of(geometry, part.object_numbers.last())
-                    },
-                )
+                self.geometry_instance(part, geometry, [own, inherited], to_world)
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.instance(
-                    part,
-                    Instance {
-                        material: own,
-                        inherited,
-                        to_world,
-                        ..Instance::of(geometry, part.object_numbers.last())
-                    },
-                )
+                self.geometry_instance(part, geometry, [own, inherited], to_world)
             }
             Content::Group(children) => {
                 self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1)
@@ -549,6 +525,18 @@ impl Builder {
             instances.push(Instance::of(geometry, first_object));
         }
         Ok(FinishedPart { object_numbers, instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
+    }
+
+    /// Adds the geometry of the part's last object, with its own and its inherited material.
+    fn geometry_instance(
+        &mut self,
+        part: &mut Part,
+        geometry: u32,
+        [material, inherited]: [u32; 2],
+        to_world: Option<Transform>,
+    ) -> Result<(), BuildError> {
+        let instance = Instance::of(geometry, part.object_numbers.last());
+        self.instance(part, Instance { material, inherited, to_world, ..instance })
     }
 
     fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {

@@ -42,15 +42,21 @@ const TOLERANCE: Field<f32> =
     Field::new("tolerance", "\"zbuffer\": how far in pixels the triangles of curved shapes may lie from them")
         .or(|| ZbufferSettings::DEFAULT.tolerance.to_string());
 
-const METHOD: Field<RadiosityMethod> =
-    Field::word("method", "\"radiosity\": how the balance of light is found: by links between nodes of a hierarchy, by patches that shoot their light one after the other, or by the equations of all pairs of patches")
-        .or(|| quoted(RadiositySettings::DEFAULT.method.name()));
+const METHOD: Field<RadiosityMethod> = Field::word(
+    "method",
+    "\"radiosity\": how the balance of light is found: by links between nodes of a hierarchy, by patches that shoot \
+         their light one after the other, or by the equations of all pairs of patches",
+)
+.or(|| quoted(RadiositySettings::DEFAULT.method.name()));
 const ERROR: Field<f32> =
     Field::new("error", "\"radiosity\": the error that is aimed at, relative to the mean light of the scene")
         .or(|| RadiositySettings::DEFAULT.error.to_string());
-const SHOW: Field<RadiosityShow> =
-    Field::word("show", "\"radiosity\": what the picture shows: patches, colours interpolated between them, or direct light and mirrors over their indirect light")
-        .or(|| quoted(RadiositySettings::DEFAULT.show.name()));
+const SHOW: Field<RadiosityShow> = Field::word(
+    "show",
+    "\"radiosity\": what the picture shows: patches, colours interpolated between them, or direct light and mirrors \
+         over their indirect light",
+)
+.or(|| quoted(RadiositySettings::DEFAULT.show.name()));
 const MAX_PATCHES: Field<u32> = Field::new("max-patches", "\"radiosity\": the most patches, counted for each side")
     .or(|| RadiositySettings::DEFAULT.max_patches.to_string());
 

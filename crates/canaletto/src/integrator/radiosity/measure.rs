@@ -1,9 +1,7 @@
 //! Measurements of light at points of space, as a light meter takes them.
 
 use super::RadiositySolution;
-use super::exchange::BEFORE_END;
-use super::mesh::vector;
-use super::sources::environment;
+use super::sources::{LitPlace, environment};
 use crate::math::{DRay, offset_origin, rounding, warp};
 use crate::sampler::{Dimension, FrameSampler};
 use crate::scene::SamplerKind;
@@ -58,7 +56,7 @@ impl RadiositySolution {
         let near = point.as_vec3();
         // A point on a surface sees what lies before it.
         let origin = offset_origin(near, rounding(near) * 4.0, normal, normal);
-        let lights = self.light_of_lights(world, point, origin, normal);
+        let lights = LitPlace { point, origin, normal }.lit(world, &mut vec![OccluderCache::NONE; world.lights.len()]);
         let (x, y) = normal.any_orthonormal_pair();
         let each = rays.div_ceil(SETS).max(1);
         let sampler = FrameSampler::new(seed, 0, SamplerKind::Sobol);
@@ -67,10 +65,8 @@ impl RadiositySolution {
             let numbers = sampler.pixel([number, set]);
             let mut mean = DVec3::ZERO;
             for index in 0..each {
-                let p = warp::disk(numbers.sample(index, each).two(Dimension::EYE));
-                // Uniform points of the disk under the hemisphere have the density of the cosine (Malley).
-                let height = (1.0 - p.length_squared()).max(0.0).sqrt();
-                let direction = x * p.x + y * p.y + normal * height;
+                let p = warp::cosine_hemisphere(numbers.sample(index, each).two(Dimension::EYE));
+                let direction = x * p.x + y * p.y + normal * p.z;
                 mean += self.radiance_along(world, origin, direction, [x, y]);
             }
             mean /= f64::from(each);
@@ -82,34 +78,6 @@ impl RadiositySolution {
         let variance = ((squares / sets - mean * mean) * (sets / (sets - 1.0))).max(DVec3::ZERO) / sets;
         let root = DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt());
         Measurement { irradiance: (lights + mean) * PI, standard_error: root * PI }
-    }
-
-    /// The light of the scene's lights, as the radiance of a white surface.
-    fn light_of_lights(&self, world: &World, point: DVec3, origin: Vec3, normal: DVec3) -> DVec3 {
-        let mut sum = DVec3::ZERO;
-        for light in &world.lights {
-            let mut last = OccluderCache::NONE;
-            for index in 0..light.points() {
-                let arriving = light.illuminate_evenly(index, point);
-                let cosine = normal.dot(arriving.direction);
-                // A light exactly at the point gives NaN, which is no positive cosine.
-                let is_before = cosine > 0.0;
-                if !is_before || arriving.intensity.is_black() {
-                    continue;
-                }
-                let (to, t_max) = match arriving.position {
-                    Some(position) => (position - origin, BEFORE_END),
-                    None => (arriving.direction.as_vec3(), f32::INFINITY),
-                };
-                let passed = if light.light.shadows {
-                    world.transmittance(&Ray::new(origin, to), t_max, 0.0, None, &mut last, &mut ())
-                } else {
-                    1.0
-                };
-                sum += vector(arriving.intensity) * (cosine * f64::from(passed));
-            }
-        }
-        sum
     }
 
     /// The radiance that arrives along a ray: of the patches that it meets, or of the environment.

@@ -32,7 +32,7 @@ mod sources;
 mod tests;
 
 pub use measure::Measurement;
-pub(crate) use second_pass::{PreparedRadiosity, ShownSolution};
+pub(crate) use second_pass::PreparedRadiosity;
 pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};
 

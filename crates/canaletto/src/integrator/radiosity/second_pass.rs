@@ -2,6 +2,7 @@
 //! of ambient light.
 
 use super::{RadiosityError, RadiositySolution};
+use crate::integrator::whitted::DiffuseLight;
 use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, Whitted};
 use crate::job::{JobError, Observer};
 use crate::math::Rgb;
@@ -11,19 +12,17 @@ use glam::DVec3;
 use std::ops::ControlFlow;
 
 /// A solution with the part of it that is shown.
-pub(crate) struct ShownSolution {
+struct ShownSolution {
     solution: RadiositySolution,
     show: RadiosityShow,
 }
 
-impl ShownSolution {
-    /// Whether the scene's lights are added to the solution's light.
-    pub(crate) fn takes_lights(&self) -> bool {
+impl DiffuseLight for ShownSolution {
+    fn takes_lights(&self) -> bool {
         self.show == RadiosityShow::Full
     }
 
-    /// The light that arrives at a hit, as the radiance of a white surface. Surfaces without a patch get none.
-    pub(crate) fn light_at(&self, hit: &Hit, point: DVec3, outside: bool) -> Rgb {
+    fn light_at(&self, hit: &Hit, point: DVec3, outside: bool) -> Rgb {
         let light = match self.show {
             RadiosityShow::Patches => {
                 let patch = self.solution.patch_at(hit.instance, hit.primitive, hit.part, outside, point);

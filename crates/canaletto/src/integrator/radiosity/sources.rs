@@ -48,6 +48,46 @@ fn over_cells(element: &Element, mut at: impl FnMut(usize) -> DVec3) -> Arriving
     }
 }
 
+/// A place that light arrives at.
+pub(super) struct LitPlace {
+    pub(super) point: DVec3,
+    /// The origin of shadow rays.
+    pub(super) origin: Vec3,
+    /// The unit normal.
+    pub(super) normal: DVec3,
+}
+
+impl LitPlace {
+    /// The light of all lights that arrives, as the radiance of a white surface. `last` holds each light's last
+    /// occluder.
+    pub(super) fn lit(&self, world: &World, last: &mut [OccluderCache]) -> DVec3 {
+        let LitPlace { point, origin, normal } = *self;
+        let mut sum = DVec3::ZERO;
+        for (light, last) in world.lights.iter().zip(last) {
+            for index in 0..light.points() {
+                let arriving = light.illuminate_evenly(index, point);
+                let cosine = normal.dot(arriving.direction);
+                // A light exactly at the point gives NaN, which is no positive cosine.
+                let is_before = cosine > 0.0;
+                if !is_before || arriving.intensity.is_black() {
+                    continue;
+                }
+                let passed = if light.light.shadows {
+                    let (ray, t_max) = match arriving.position {
+                        Some(position) => (Ray::new(origin, position - origin), BEFORE_END),
+                        None => (Ray::new(origin, arriving.direction.as_vec3()), f32::INFINITY),
+                    };
+                    f64::from(world.transmittance(&ray, t_max, 0.0, None, last, &mut ()))
+                } else {
+                    1.0
+                };
+                sum += vector(arriving.intensity) * (cosine * passed);
+            }
+        }
+        sum
+    }
+}
+
 impl PatchMesh<'_> {
     /// The light of all lights that arrives at an element.
     pub(super) fn lit(&self, element: u32) -> Arriving {
@@ -55,31 +95,8 @@ impl PatchMesh<'_> {
         let element = &self.elements[element as usize];
         let mut last = vec![OccluderCache::NONE; world.lights.len()];
         over_cells(element, |cell| {
-            let (point, origin) = (element.outline.cell(cell), element.origins[cell]);
-            let mut sum = DVec3::ZERO;
-            for (light, last) in world.lights.iter().zip(&mut last) {
-                for index in 0..light.points() {
-                    let arriving = light.illuminate_evenly(index, point);
-                    let cosine = normal.dot(arriving.direction);
-                    // A light exactly at the point gives NaN, and the comparison is then false.
-                    // A light exactly at the point gives NaN, which is no positive cosine.
-                    let is_before = cosine > 0.0;
-                    if !is_before || arriving.intensity.is_black() {
-                        continue;
-                    }
-                    let passed = if light.light.shadows {
-                        let (ray, t_max) = match arriving.position {
-                            Some(position) => (Ray::new(origin, position - origin), BEFORE_END),
-                            None => (Ray::new(origin, arriving.direction.as_vec3()), f32::INFINITY),
-                        };
-                        f64::from(world.transmittance(&ray, t_max, 0.0, None, last, &mut ()))
-                    } else {
-                        1.0
-                    };
-                    sum += vector(arriving.intensity) * (cosine * passed);
-                }
-            }
-            sum
+            let place = LitPlace { point: element.outline.cell(cell), origin: element.origins[cell], normal };
+            place.lit(world, &mut last)
         })
     }
 
@@ -101,10 +118,8 @@ impl PatchMesh<'_> {
                     at(k % DIRECTIONS, (cell + k / DIRECTIONS) % DIRECTIONS),
                     at(k / DIRECTIONS, (cell / DIRECTIONS + k) % DIRECTIONS),
                 ];
-                // Uniform points of the disk under the hemisphere have the density of the cosine (Malley).
-                let p = warp::disk(u);
-                let height = (1.0 - p.length_squared()).max(0.0).sqrt();
-                let direction = x * p.x + y * p.y + normal * height;
+                let p = warp::cosine_hemisphere(u);
+                let direction = x * p.x + y * p.y + normal * p.z;
                 let ray = Ray::new(element.origins[cell], direction.as_vec3());
                 let passed = f64::from(world.transmittance(&ray, f32::INFINITY, 0.0, None, &mut last, &mut ()));
                 if passed > 0.0 {

@@ -19,13 +19,12 @@ mod tests;
 mod trace;
 mod wave;
 
-use super::radiosity::ShownSolution;
 use super::{Cancelled, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::WhittedSettings;
-use crate::world::{OccluderCache, World};
+use crate::world::{Hit, OccluderCache, World};
 use glam::{DVec3, Vec3};
 use interaction::SurfaceInteraction;
 pub(super) use intersect::background;
@@ -59,7 +58,7 @@ pub struct Whitted<'w> {
     /// The media that rays are in.
     media: Media,
     /// The solution whose light takes the place of ambient light.
-    solution: Option<&'w ShownSolution>,
+    solution: Option<&'w dyn DiffuseLight>,
     /// The rays that are traced side by side.
     waves: Waves,
 }
@@ -69,6 +68,15 @@ pub(crate) trait ShadowLookup: Sync {
     /// The share of a light that reaches a point with this unit geometric normal on the viewer's side. `ray` holds the
     /// origin and the direction of the shadow ray, which ends at `t_max`.
     fn passed(&self, light: u32, ray: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32;
+}
+
+/// Diffuse light that is known at every surface, as from radiosity.
+pub(crate) trait DiffuseLight: Sync {
+    /// Whether the light of the scene's lights is added to it.
+    fn takes_lights(&self) -> bool;
+
+    /// The light that arrives at a hit, as the radiance of a white surface. Unknown surfaces get none.
+    fn light_at(&self, hit: &Hit, point: DVec3, outside: bool) -> Rgb;
 }
 
 /// The number of camera rays and child rays between two calls of the cancel callback.
@@ -96,13 +104,13 @@ impl<'w> Whitted<'w> {
     }
 
     /// Returns this integrator with the diffuse light of a radiosity solution in place of ambient light.
-    pub(crate) fn with_solution(self, solution: &'w ShownSolution) -> Whitted<'w> {
+    pub(crate) fn with_solution(self, solution: &'w dyn DiffuseLight) -> Whitted<'w> {
         Whitted { solution: Some(solution), ..self }
     }
 
     /// The number of lights whose direct light is added.
     fn light_count(&self) -> u32 {
-        let has_lights = self.solution.is_none_or(ShownSolution::takes_lights);
+        let has_lights = self.solution.is_none_or(|solution| solution.takes_lights());
         if has_lights { self.world.lights.len() as u32 } else { 0 }
     }
 

@@ -20,12 +20,7 @@ impl Whitted<'_> {
         };
         let at = SurfaceInteraction::new(&visible_hit, ray);
         probe.hit(at.hit, &visible_hit.surface, at.material, at.frame.outside);
-        let mut color = self.shade(&at, probe);
-        let (overlay, share) = at.material.overlay;
-        if share > 0.0 {
-            probe.overlay(overlay, share);
-            color = (overlay * share + color * (1.0 - share)).saturated();
-        }
+        let mut color = self.shade_under_overlay(&at, probe);
         let coverage = at.material.coverage;
         if coverage < 1.0 {
             probe.coverage(coverage);
@@ -35,8 +30,18 @@ impl Whitted<'_> {
         color
     }
 
+    /// [`Whitted::shade`] under the material's overlay.
+    pub(super) fn shade_under_overlay<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
+        let color = self.shade(at, probe);
+        let (overlay, share) = at.material.overlay;
+        if share > 0.0 {
+            probe.overlay(overlay, share);
+        }
+        at.material.under_overlay(color)
+    }
+
     /// `shade`: (5.39b), up to the stage of the settings. Under an opaque overlay nothing of it is visible.
-    pub(super) fn shade<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
+    fn shade<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
         let (stage, phong, mut color) = (self.settings.stage, at.material.phong(), Rgb::BLACK);
         if !at.material.is_seen() || self.is_cancelled {
             return color;

@@ -2,7 +2,7 @@
 
 use super::facets::{Facets, Tolerance};
 use super::geometry::BinnedTriangles;
-use super::raster::Source;
+use super::raster::{ScreenTriangle, Source};
 use crate::math::{DRay, Transform};
 use crate::shape::Shape;
 use crate::world::{Hit, MeshFacet, PlacedGeometry, Primitives, World};
@@ -71,6 +71,22 @@ impl<'w> FacetCache<'w> {
                 .entry([source.instance, source.primitive])
                 .or_insert_with(|| Facets::new(&shape, color, placed.to_world.as_ref(), tolerance));
         }
+    }
+
+    /// The triangle in the world, if its surface decides where it is and how deep.
+    #[inline]
+    pub(super) fn triangle_to_refine<'a>(
+        &'a mut self,
+        triangle: &ScreenTriangle,
+        world: &'w World,
+        binned: &'a BinnedTriangles,
+        tolerance: &Tolerance,
+    ) -> Option<VisibleTriangle<'a>> {
+        if !triangle.needs_refinement() {
+            return None;
+        }
+        self.prepare(triangle.source, world, binned, tolerance);
+        self.triangle(triangle.source, world, binned)
     }
 
     /// A triangle, for which [`FacetCache::prepare`] was called.

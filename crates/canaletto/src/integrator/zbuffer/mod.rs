@@ -21,14 +21,13 @@ mod shadow_map;
 mod unshaded_view;
 
 use super::whitted::{Fragment, Whitted, background};
-use super::{Cancelled, Counts, TileIntegrator, TileWorker};
+use super::{Cancelled, Counts, FirstHit, TileIntegrator, TileWorker};
 use crate::camera::Camera;
 use crate::film::TileBuffer;
 use crate::job::{Aov, Job, JobError, Observer};
 use crate::math::RayDifferential;
 use crate::sampler::FrameSampler;
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
-use crate::shape::Surface;
 use crate::world::World;
 use canaletto_bvh::Aabb;
 pub(crate) use explain::ZbufferExplainer;
@@ -59,7 +58,7 @@ pub(crate) struct Zbuffer<'w> {
     camera: Camera,
     projection: Projection,
     sites: Sites,
-    /// The shares of the sites' samples in a pixel's colour are equal; samples of one triangle are shaded together.
+    /// Whether each site is shaded by itself, even if several see one triangle.
     shades_each_site: bool,
     screen: Screen,
     /// The depth of the far plane.
@@ -88,10 +87,10 @@ impl<'w> Zbuffer<'w> {
                 return Err(JobError::ShadowMaps { mebibytes: bytes >> 20, most: MOST_MAP_BYTES >> 20 });
             }
         }
-        Ok(Self::draw_maps(world, job, settings, observer))
+        Ok(Self::project(world, job, settings, observer))
     }
 
-    fn draw_maps(
+    fn project(
         world: &'w World,
         job: &'w Job,
         settings: ZbufferSettings,
@@ -289,14 +288,7 @@ impl ZbufferWorker<'_> {
             if number % 65_536 == 65_535 && (self.cancelled)(0) {
                 return ControlFlow::Break(());
             }
-            if triangle.has_holes || triangle.is_curved {
-                cache.prepare(triangle.source, world, binned, tolerance);
-            }
-            let visible = if triangle.has_holes || triangle.is_curved {
-                cache.triangle(triangle.source, world, binned)
-            } else {
-                None
-            };
+            let visible = cache.triangle_to_refine(triangle, world, binned, tolerance);
             visibility.draw(triangle, number, sites, |place, depth| match &visible {
                 Some(visible) => refine(self.zbuffer, triangle, visible, place, depth),
                 None => Some(depth),
@@ -347,8 +339,8 @@ impl ZbufferWorker<'_> {
 
     fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
         let Zbuffer { world, job, camera, .. } = self.zbuffer;
-        let Self { lookup, whitted, .. } = self;
-        lookup.prepare(tile, parts);
+        self.lookup.prepare(tile, parts);
+        let Self { lookup, whitted, fragments: count, .. } = self;
         let area = buffer.area();
         let triangles: Vec<Option<VisibleTriangle>> = parts.iter().map(|part| lookup.visible(tile, part)).collect();
         let (mut fragments, mut weights) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
@@ -358,7 +350,7 @@ impl ZbufferWorker<'_> {
                 fragments.push(fragment);
             });
         }
-        self.fragments += fragments.len() as u64;
+        *count += fragments.len() as u64;
         let mut colors = whitted.shade_fragments(&fragments).iter().copied().zip(weights);
         let each = if self.zbuffer.settings.shading == Shading::Gouraud { 3 } else { 1 };
         for (part, visible) in parts.iter().zip(&triangles) {
@@ -372,7 +364,7 @@ impl ZbufferWorker<'_> {
         }
         if !job.aovs.is_empty() {
             for (part, visible) in parts.iter().zip(&triangles) {
-                layers(self.zbuffer, part, visible.as_ref(), buffer);
+                layers(self.zbuffer, whitted, part, visible.as_ref(), buffer);
             }
         }
     }
@@ -442,59 +434,40 @@ fn refine(
 
 /// The ray differential at a place of the picture, if the world needs it.
 fn differential(zbuffer: &Zbuffer, [x, y]: [f64; 2]) -> Option<RayDifferential> {
-    let spacing = if zbuffer.shades_each_site { 1.0 / (zbuffer.sites.len() as f64).sqrt() } else { 1.0 };
-    zbuffer.world.needs_differentials().then(|| zbuffer.camera.differential(x, y, spacing))
+    let spaced = || zbuffer.camera.differential(x, y, sample_spacing(zbuffer.job));
+    zbuffer.world.needs_differentials().then(spaced)
 }
 
 /// Adds a part of a pixel to the layers.
-fn layers(zbuffer: &Zbuffer, part: &PixelPart, visible: Option<&VisibleTriangle>, buffer: &mut TileBuffer) {
-    let Zbuffer { world, job, camera, .. } = zbuffer;
-    let line = camera.line(part.place[0], part.place[1]);
-    let seen = visible.map(|visible| {
-        let hit = visible.hit(&line);
-        let step = |surface: &Surface| {
-            differential(zbuffer, part.place).map(|d| d.along(&line, surface.exact, surface.normal))
+fn layers(
+    zbuffer: &Zbuffer,
+    whitted: &Whitted,
+    part: &PixelPart,
+    visible: Option<&VisibleTriangle>,
+    buffer: &mut TileBuffer,
+) {
+    let Zbuffer { world, job, camera, sampler, .. } = zbuffer;
+    let first_hit = visible.map_or(FirstHit::MISS, |visible| {
+        let line = camera.line(part.place[0], part.place[1]);
+        let fragment = Fragment {
+            line,
+            hit: visible.hit(&line),
+            facet: visible.facet(),
+            is_flat: false,
+            differential: differential(zbuffer, part.place),
+            sample: sampler.pixel([0; 2]).sample(0, 1),
         };
-        let facet = visible.facet();
-        let mut surface = match &facet {
-            Some(facet) => world.facet_surface(line, &hit, facet),
-            None => world.surface(line, &hit),
-        };
-        if !world.material(&hit).textures.is_empty() {
-            let step = step(&surface);
-            match &facet {
-                Some(facet) => world.textured_facet(line, (&hit, facet), &mut surface, step, &mut ()),
-                None => world.textured(line, &hit, &mut surface, step, &mut ()),
-            };
-        }
-        (hit, surface)
+        let surface = whitted.fragment_surface(&fragment);
+        let outside = surface.normal.dot(line.direction) < 0.0;
+        FirstHit::new(world, camera.eye(), &fragment.hit, &surface, outside)
     });
     for (layer, aov) in job.aovs.iter().enumerate() {
         let mut values = [0.0; 3];
         let values = &mut values[..aov.channels().len()];
         if *aov == Aov::Alpha {
-            values[0] = if seen.is_some() { part.share } else { 0.0 };
-            buffer.add_to_layer(layer, part.pixel, values);
+            values[0] = if visible.is_some() { part.share } else { 0.0 };
+        } else if !part.is_first || !first_hit.write(*aov, values) {
             continue;
-        }
-        if !part.is_first {
-            continue;
-        }
-        match (&seen, aov) {
-            (None, Aov::Depth) => values[0] = f64::INFINITY,
-            (Some((_, surface)), Aov::Depth) => values[0] = ((surface.exact - camera.eye()).length() as f32).into(),
-            (Some((_, surface)), Aov::Normal) => {
-                let side = if surface.normal.dot(line.direction) < 0.0 { 1.0 } else { -1.0 };
-                let normal = (surface.shading_normal * side).as_vec3();
-                values.copy_from_slice(&normal.to_array().map(f64::from));
-            }
-            (Some((_, surface)), Aov::Position) => {
-                values.copy_from_slice(&world.to_scene(surface.point).to_array().map(f64::from));
-            }
-            (Some((_, surface)), Aov::Uv) => values.copy_from_slice(&surface.uv.to_array().map(f64::from)),
-            (Some((hit, _)), Aov::ObjectId) => values[0] = world.object_id(hit).into(),
-            (Some((hit, _)), Aov::MaterialId) => values[0] = (world.material_index(hit) + 1).into(),
-            _ => {}
         }
         buffer.add_to_layer(layer, part.pixel, values);
     }

@@ -85,9 +85,14 @@ fn objects_of(world: &World, materials: &[bool]) -> Vec<String> {
     };
     for instance in 0..world.placed_geometry_count() {
         let primitives = world.placed_geometry(instance, 0.0).primitives;
-        // A cloud has one material; a mesh has one for each slot.
-        let len = if let Primitives::Spheres(_) | Primitives::Cylinders(_) = primitives { 1 } else { primitives.len() };
-        for primitive in 0..len.min(primitives.len()) as u32 {
+        // A cloud has one material, and so has a mesh without slots.
+        let has_one = match primitives {
+            Primitives::Spheres(_) | Primitives::Cylinders(_) => true,
+            Primitives::Mesh(mesh) => mesh.slots.is_empty(),
+            Primitives::Shapes(_) => false,
+        };
+        let visited = if has_one { primitives.len().min(1) } else { primitives.len() };
+        for primitive in 0..visited as u32 {
             visit(instance, primitive);
         }
     }

@@ -85,6 +85,12 @@ impl ScreenTriangle {
         Some([first, last])
     }
 
+    /// Whether its surface decides where it is and how deep: it may have holes, or is curved.
+    #[inline(always)]
+    pub(super) fn needs_refinement(&self) -> bool {
+        self.has_holes || self.is_curved
+    }
+
     /// The corners in pixels, counter-clockwise with y upwards.
     pub(super) fn corners_in_pixels(&self) -> [[f64; 2]; 3] {
         self.corners.map(|corner| corner.map(|v| f64::from(v) / SUBPIXELS as f64))
@@ -230,7 +236,7 @@ impl VisibilityBuffer {
             return;
         };
         let [a, b, c] = triangle.corners;
-        let needs_refinement = triangle.has_holes || triangle.is_curved;
+        let needs_refinement = triangle.needs_refinement();
         let plane_size = width as usize * height as usize;
         for (site, &[dx, dy]) in sites.places.iter().enumerate() {
             let place =

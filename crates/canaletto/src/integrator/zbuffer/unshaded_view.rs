@@ -94,12 +94,7 @@ impl<'w> UnshadedView<'w> {
                 if !(self.is_seen)(triangle) {
                     continue;
                 }
-                let visible = if triangle.has_holes || triangle.is_curved {
-                    cache.prepare(triangle.source, world, &binned, tolerance);
-                    cache.triangle(triangle.source, world, &binned)
-                } else {
-                    None
-                };
+                let visible = cache.triangle_to_refine(triangle, world, &binned, tolerance);
                 visibility.draw(triangle, number, &sites, |place, depth| {
                     let Some(visible) = &visible else { return Some(depth) };
                     let line = projection.line(place);

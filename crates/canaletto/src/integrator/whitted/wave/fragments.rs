@@ -36,11 +36,8 @@ impl Whitted<'_> {
         self.fragment_wave(fragments, &mut wave);
         self.shade_wave(&mut wave);
         wave.colors.clear();
-        for interaction in wave.interactions.each() {
-            let (overlay, share) = interaction.material.overlay;
-            let color = interaction.color;
-            wave.colors.push(if share > 0.0 { (overlay * share + color * (1.0 - share)).saturated() } else { color });
-        }
+        let shaded = wave.interactions.each().iter();
+        wave.colors.extend(shaded.map(|interaction| interaction.material.under_overlay(interaction.color)));
         wave.batch.clear();
         self.waves.pending = wave;
         &self.waves.pending.colors
@@ -62,14 +59,14 @@ impl Whitted<'_> {
         let visible_hit = VisibleHit { hit: *hit, surface, material, line: *line, footprint, inside, crossing };
         let at = SurfaceInteraction::new(&visible_hit, &ray);
         probe.hit(at.hit, &visible_hit.surface, at.material, at.frame.outside);
-        let mut color = self.shade(&at, probe);
-        let (overlay, share) = at.material.overlay;
-        if share > 0.0 {
-            probe.overlay(overlay, share);
-            color = (overlay * share + color * (1.0 - share)).saturated();
-        }
+        let color = self.shade_under_overlay(&at, probe);
         probe.end(color);
         color
+    }
+
+    /// The surface of a fragment, with the texture coordinates and the normal of its textures.
+    pub(crate) fn fragment_surface(&self, fragment: &Fragment) -> Surface {
+        self.evaluate(fragment, &mut ()).0
     }
 
     /// The surface and the material of a fragment.

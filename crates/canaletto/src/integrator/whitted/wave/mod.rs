@@ -179,10 +179,7 @@ impl Whitted<'_> {
         self.shade_wave(wave);
         let mut is_any_partial = false;
         for interaction in wave.interactions.all_mut() {
-            let (overlay, share) = interaction.material.overlay;
-            if share > 0.0 {
-                interaction.color = (overlay * share + interaction.color * (1.0 - share)).saturated();
-            }
+            interaction.color = interaction.material.under_overlay(interaction.color);
             if is_partial(&interaction.material) {
                 interaction.color *= interaction.material.coverage;
                 is_any_partial = true;

@@ -1,0 +1,52 @@
+//! The layers of geometry at the first hit of a pixel.
+
+use crate::job::Aov;
+use crate::shape::Surface;
+use crate::world::{Hit, World};
+use glam::DVec3;
+
+/// The values of a pixel's layers of geometry.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FirstHit {
+    /// The distance of the exact point from the eye.
+    depth: f32,
+    /// The unit shading normal on the viewer's side.
+    normal: [f32; 3],
+    /// The point in the scene's coordinates.
+    position: [f32; 3],
+    uv: [f32; 2],
+    /// The numbers of the object and the material; 0 for a miss.
+    ids: [u32; 2],
+}
+
+impl FirstHit {
+    /// A ray that hits nothing.
+    pub(crate) const MISS: FirstHit =
+        FirstHit { depth: f32::INFINITY, normal: [0.0; 3], position: [0.0; 3], uv: [0.0; 2], ids: [0; 2] };
+
+    /// A hit that is seen from `eye`, from outside or from inside.
+    pub(crate) fn new(world: &World, eye: DVec3, hit: &Hit, surface: &Surface, outside: bool) -> FirstHit {
+        let normal = if outside { surface.shading_normal } else { -surface.shading_normal };
+        FirstHit {
+            depth: (surface.exact - eye).length() as f32,
+            normal: normal.as_vec3().to_array(),
+            position: world.to_scene(surface.point).to_array(),
+            uv: surface.uv.to_array(),
+            ids: [world.object_id(hit), world.material_index(hit) + 1],
+        }
+    }
+
+    /// Writes the values of a layer, if it is one of geometry. Returns whether it is.
+    pub(crate) fn write(&self, aov: Aov, out: &mut [f64]) -> bool {
+        match aov {
+            Aov::Depth => out[0] = self.depth.into(),
+            Aov::Normal => out.copy_from_slice(&self.normal.map(f64::from)),
+            Aov::Position => out.copy_from_slice(&self.position.map(f64::from)),
+            Aov::Uv => out.copy_from_slice(&self.uv.map(f64::from)),
+            Aov::ObjectId => out[0] = self.ids[0].into(),
+            Aov::MaterialId => out[0] = self.ids[1].into(),
+            _ => return false,
+        }
+        true
+    }
+}
