@@ -231,7 +231,10 @@ impl Comparison<'_> {
         weight *= 1.0 - overlay[1].1;
 
         let materials = [own.model.phong(), other.model.phong()];
-        let ambient = [own, other].map(|hit| hit.ambient.map_or(DVec3::ZERO, wide));
+        let ambient = [own, other].map(|hit| {
+            let emitters = hit.emitters.as_ref().map(|emitters| emitters.contribution);
+            [hit.ambient, emitters].into_iter().flatten().map(wide).sum::<DVec3>()
+        });
         let of_ambient = if materials[0].kd == materials[1].kd { Cause::IndirectLight } else { Cause::TextureFilter };
         terms.add(of_ambient, weight * (ambient[1] - ambient[0]), subject);
         let emission = [own, other].map(|hit| hit.emission.map_or(DVec3::ZERO, wide));
@@ -319,7 +322,8 @@ fn light(child: &RayNode) -> DVec3 {
 
 /// The sum of a hit's terms, below its overlay and coverage.
 fn sum_of(hit: &HitNode) -> DVec3 {
-    let terms = [hit.ambient, hit.emission, hit.unlit].into_iter().flatten().map(wide);
+    let emitters = hit.emitters.as_ref().map(|emitters| emitters.contribution);
+    let terms = [hit.ambient, emitters, hit.emission, hit.unlit].into_iter().flatten().map(wide);
     let lights = hit.lights.iter().map(|light| wide(light.contribution));
     terms.chain(lights).chain(hit.children.iter().map(light)).sum()
 }

@@ -1,12 +1,12 @@
 //! The probe that records the tree.
 
 use super::tree::{
-    BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode, SampleNode, Side,
-    TextureNode,
+    BlockerNode, CutNode, EmittersNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode,
+    SampleNode, Side, TextureNode,
 };
 use crate::Named;
 use crate::camera::Camera;
-use crate::integrator::{LightTerm, Probe, RayKind};
+use crate::integrator::{EmittersTerm, LightTerm, Probe, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
@@ -144,6 +144,7 @@ impl Probe for Recorder<'_> {
             textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
+            emitters: None,
             emission: None,
             lights: Vec::new(),
             children: Vec::new(),
@@ -197,6 +198,13 @@ impl Probe for Recorder<'_> {
     fn ambient(&mut self, term: Rgb) {
         if let Some(hit) = self.current() {
             hit.ambient = Some(term);
+        }
+    }
+
+    fn emitters(&mut self, term: &EmittersTerm) {
+        if let Some(hit) = self.current() {
+            let EmittersTerm { unoccluded, arriving, rays, passed, contribution } = *term;
+            hit.emitters = Some(EmittersNode { unoccluded, arriving, rays, passed, contribution });
         }
     }
 

@@ -1,7 +1,7 @@
 //! The tree as text for a terminal.
 
 use super::number::Number;
-use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
+use super::tree::{EmittersNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
 use crate::Named;
 use crate::integrator::{RasterNode, RasterTriangle, RayKind, RivalFate};
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
@@ -194,6 +194,16 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     }
     if let Some(ambient) = hit.ambient {
         writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?;
+    }
+    if let Some(emitters) = &hit.emitters {
+        let EmittersNode { unoccluded, arriving, rays, passed, contribution } = emitters;
+        writeln!(f, "{indent}    + emitting surfaces E*kd       {}", rgb(*contribution))?;
+        writeln!(
+            f,
+            "{indent}        E = {}; in full view {}; {passed} of {rays} shadow rays pass",
+            rgb(*arriving),
+            rgb(*unoccluded)
+        )?;
     }
     if let Some(emission) = hit.emission {
         writeln!(f, "{indent}    + emission                    {}", rgb(emission))?;

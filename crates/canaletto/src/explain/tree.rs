@@ -155,6 +155,9 @@ pub struct HitNode {
     /// Iₐ ⊗ kd.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Rgb>,
+    /// The light that comes straight from emitting surfaces, if they are lights of the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub emitters: Option<EmittersNode>,
     /// The radiance that the surface emits towards the viewer, if it emits any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emission: Option<Rgb>,
@@ -293,6 +296,23 @@ impl PixelTree {
     }
 }
 
+/// The light that comes straight from emitting surfaces to a hit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub struct EmittersNode {
+    /// The light with nothing between, as the radiance of a white surface: Σ form factor × radiance.
+    pub unoccluded: Rgb,
+    /// The light that arrives, likewise.
+    pub arriving: Rgb,
+    /// The number of shadow rays.
+    pub rays: u32,
+    /// The number of shadow rays that pass. Clear surfaces let a share of one pass.
+    pub passed: f32,
+    /// arriving ⊗ kd.
+    pub contribution: Rgb,
+}
+
 impl RayNode {
     /// The ray's colour from the terms of its hit and its children.
     pub fn sum(&self) -> Rgb {
@@ -306,6 +326,9 @@ impl RayNode {
         let mut color = Rgb::BLACK;
         if let Some(ambient) = hit.ambient {
             color += ambient;
+        }
+        if let Some(emitters) = &hit.emitters {
+            color = (color + emitters.contribution).saturated();
         }
         if let Some(emission) = hit.emission {
             color = (color + emission).saturated();

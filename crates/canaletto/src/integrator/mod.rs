@@ -5,12 +5,12 @@ mod first_hit;
 mod probe;
 pub mod radiosity;
 mod tile_integrator;
-mod whitted;
+pub(crate) mod whitted;
 mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
-pub use probe::{LightTerm, Probe, RayKind};
+pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub(crate) use radiosity::PreparedRadiosity;
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;

@@ -59,8 +59,25 @@ pub struct LightTerm {
     pub contribution: Rgb,
 }
 
+/// The light that comes straight from emitting surfaces to a hit. Polygons of constant radiance are lights.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct EmittersTerm {
+    /// The light with nothing between, as the radiance of a white surface: Σ form factor × radiance.
+    pub unoccluded: Rgb,
+    /// The light that arrives, likewise.
+    pub arriving: Rgb,
+    /// The number of shadow rays.
+    pub rays: u32,
+    /// The number of shadow rays that pass. Clear surfaces let a share of one pass.
+    pub passed: f32,
+    /// The term of the colour: arriving ⊗ kd.
+    pub contribution: Rgb,
+}
+
 /// An observer of an integrator. Calls come in the order of the ray tree: a ray, then its miss or hit, then its end.
-/// After a hit come its ambient term, its emission, its lights (each after its blockers) and its child rays.
+/// After a hit come its ambient term, the term of emitters, its emission, its lights (each after its blockers) and its
+/// child rays.
 ///
 /// Calls of [`GeometryProbe`] come before the hit or the light that they belong to.
 pub trait Probe: GeometryProbe {
@@ -90,6 +107,8 @@ pub trait Probe: GeometryProbe {
     fn unlit(&mut self, _kd: Rgb) {}
     /// The ambient term.
     fn ambient(&mut self, _term: Rgb) {}
+    /// The term of emitting surfaces as lights. There is no call where none faces the hit.
+    fn emitters(&mut self, _term: &EmittersTerm) {}
     /// The surface emits this radiance towards the viewer. There is no call if it is black.
     fn emission(&mut self, _radiance: Rgb) {}
     /// The terms of a light.

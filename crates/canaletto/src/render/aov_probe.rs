@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::film::TileBuffer;
-use crate::integrator::{FirstHit, LightTerm, Probe, RayKind};
+use crate::integrator::{EmittersTerm, FirstHit, LightTerm, Probe, RayKind};
 use crate::job::Aov;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
@@ -172,6 +172,12 @@ impl Probe for AovProbe<'_> {
     fn ambient(&mut self, term: Rgb) {
         if self.stack.len() == 1 {
             self.sample.ambient += term;
+        }
+    }
+
+    fn emitters(&mut self, term: &EmittersTerm) {
+        if self.stack.len() == 1 {
+            self.sample.diffuse += term.contribution;
         }
     }
 

@@ -132,6 +132,12 @@ impl Sample {
         self.sampler.two(dimension, index, self.count.saturating_mul(of))
     }
 
+    /// Point `n` of `of` points that are distributed among themselves, independent of those of other samples. Their
+    /// number may depend on other numbers of the sample.
+    pub fn two_within(&self, dimension: Dimension, n: u32, of: u32) -> [f64; 2] {
+        self.sampler.two(dimension.of(self.index), n, of)
+    }
+
     /// The numbers of the ray from the eye.
     pub fn eye(&self) -> CameraNumbers {
         CameraNumbers { film: self.film(), lens: self.two(Dimension::EYE.of(1)), time: self.one(Dimension::EYE.of(2)) }

@@ -42,11 +42,12 @@ impl Integrator {
                     ("tolerance", tolerance.to_string()),
                 ]
             }
-            Integrator::Radiosity(RadiositySettings { method, error, show, max_patches }) => vec![
+            Integrator::Radiosity(RadiositySettings { method, error, show, max_patches, light_samples }) => vec![
                 ("method", method.name().into()),
                 ("error", error.to_string()),
                 ("show", show.name().into()),
                 ("max-patches", max_patches.to_string()),
+                ("light-samples", light_samples.to_string()),
             ],
         }
     }

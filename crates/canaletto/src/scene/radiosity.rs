@@ -14,11 +14,16 @@ pub struct RadiositySettings {
     pub show: RadiosityShow,
     /// The most patches. Each side of an open surface has patches of its own.
     pub max_patches: u32,
+    /// The number of shadow rays at each hit towards emitting surfaces, in [`Self::LIGHT_SAMPLES`].
+    pub light_samples: u32,
 }
 
 impl RadiositySettings {
     /// The range of `error`.
     pub const ERRORS: std::ops::RangeInclusive<f32> = 1e-4..=0.5;
+
+    /// The range of `light_samples`.
+    pub const LIGHT_SAMPLES: std::ops::RangeInclusive<u32> = 1..=4096;
 
     /// The settings of a scene that names none.
     pub const DEFAULT: RadiositySettings = RadiositySettings {
@@ -26,6 +31,7 @@ impl RadiositySettings {
         error: 0.01,
         show: RadiosityShow::Full,
         max_patches: 200_000,
+        light_samples: 16,
     };
 
     /// Checks every number's range.
@@ -39,6 +45,11 @@ impl RadiositySettings {
         }
         if self.max_patches == 0 {
             return Err(OutOfRange::new("max-patches", "is 0; it must be at least 1"));
+        }
+        if !Self::LIGHT_SAMPLES.contains(&self.light_samples) {
+            let [least, most] = [Self::LIGHT_SAMPLES.start(), Self::LIGHT_SAMPLES.end()];
+            let problem = format!("is {}; it must be between {least} and {most}", self.light_samples);
+            return Err(OutOfRange::new("light-samples", problem));
         }
         Ok(())
     }

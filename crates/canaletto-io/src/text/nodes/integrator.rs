@@ -59,11 +59,14 @@ const SHOW: Field<RadiosityShow> = Field::word(
 .or(|| quoted(RadiositySettings::DEFAULT.show.name()));
 const MAX_PATCHES: Field<u32> = Field::new("max-patches", "\"radiosity\": the most patches, counted for each side")
     .or(|| RadiositySettings::DEFAULT.max_patches.to_string());
+const LIGHT_SAMPLES: Field<u32> =
+    Field::new("light-samples", "\"radiosity\": shadow rays at each point towards emitting surfaces, 1 to 4096")
+        .or(|| RadiositySettings::DEFAULT.light_samples.to_string());
 
 const WHITTED: &[FieldSchema] = &[MAX_DEPTH.schema, MIN_WEIGHT.schema, STAGE.schema];
 const ZBUFFER: &[FieldSchema] = &[SHADING.schema, SHADOW_MAP_SIZE.schema, MULTISAMPLING.schema, TOLERANCE.schema];
 
-const RADIOSITY: &[FieldSchema] = &[METHOD.schema, ERROR.schema, SHOW.schema, MAX_PATCHES.schema];
+const RADIOSITY: &[FieldSchema] = &[METHOD.schema, ERROR.schema, SHOW.schema, MAX_PATCHES.schema, LIGHT_SAMPLES.schema];
 
 pub(crate) static INTEGRATOR: NodeSchema =
     NodeSchema::new("integrator", "How the picture is made.", &[WHITTED, &[SHADOWS.schema], ZBUFFER, RADIOSITY])
@@ -124,6 +127,7 @@ impl Decoder<'_> {
         change(&mut settings.error, fields.get(&ERROR));
         change(&mut settings.show, fields.word(&SHOW));
         change(&mut settings.max_patches, fields.get(&MAX_PATCHES));
+        change(&mut settings.light_samples, fields.get(&LIGHT_SAMPLES));
         if let Err(wrong) = settings.check() {
             self.out_of_range(fields, &wrong);
         }

@@ -2,6 +2,7 @@
 //! Aupperle 1991), until the residual is small.
 
 use super::RadiosityError;
+use super::hierarchical::means;
 use super::link::Link;
 use super::mesh::{NONE, PatchMesh};
 use crate::job::Observer;
@@ -24,6 +25,8 @@ pub(super) struct Light {
     pub(super) radiance: Vec<DVec3>,
     /// The light that arrives from other patches.
     pub(super) received: Vec<DVec3>,
+    /// The part of it that emitters send without a reflection.
+    pub(super) from_emitters: Vec<DVec3>,
 }
 
 /// The factors of all links, by receiver. Links to clusters are those of their members.
@@ -78,6 +81,15 @@ impl Gathering {
         Gathering { firsts, factors: all.into_iter().map(|(_, source, factor)| (source, factor)).collect() }
     }
 
+    /// What all nodes receive over their own links from nodes of these radiances.
+    fn received(&self, radiance: &[DVec3]) -> Vec<DVec3> {
+        let gather = |node: usize| {
+            let factors = self.of(node).iter();
+            factors.fold(DVec3::ZERO, |sum, &(source, factor)| sum + radiance[source as usize] * f64::from(factor))
+        };
+        (0..radiance.len()).into_par_iter().with_min_len(64).map(gather).collect()
+    }
+
     fn of(&self, node: usize) -> &[(u32, f32)] {
         &self.factors[self.firsts[node] as usize..self.firsts[node + 1] as usize]
     }
@@ -123,11 +135,7 @@ pub(super) fn solve(
             return Err(RadiosityError::Cancelled);
         }
         let radiance = &light.radiance;
-        let gather = |node: usize| {
-            let factors = gathering.of(node).iter();
-            factors.fold(DVec3::ZERO, |sum, &(source, factor)| sum + radiance[source as usize] * f64::from(factor))
-        };
-        light.received = (0..nodes).into_par_iter().with_min_len(64).map(gather).collect();
+        light.received = gathering.received(radiance);
         push(&parents, &mut light.received);
         let (mut change, mut all) = (0.0, 0.0);
         let mut next = vec![DVec3::ZERO; nodes];
@@ -150,6 +158,7 @@ pub(super) fn solve(
         }
         light.radiance = next;
         if change <= RESIDUAL * all || all == 0.0 {
+            light.from_emitters = from_emitters(mesh, &gathering, &parents, &closure);
             return Ok((light, if all > 0.0 { change / all } else { 0.0 }));
         }
         slow = if change > before * LEAST_REDUCTION { slow + 1 } else { 0 };
@@ -159,6 +168,20 @@ pub(super) fn solve(
         before = change;
     }
     Err(RadiosityError::Endless)
+}
+
+/// What leaves receive from emitters without a reflection.
+fn from_emitters(mesh: &PatchMesh, gathering: &Gathering, parents: &[u32], closure: &[(f64, f64)]) -> Vec<DVec3> {
+    let clusters = mesh.clusters.len();
+    let mut emission = vec![DVec3::ZERO; clusters];
+    emission.extend(mesh.elements.iter().map(|element| element.emission));
+    let emission = means(mesh, emission);
+    let mut received = gathering.received(&emission);
+    push(parents, &mut received);
+    for (node, &(scale, missing)) in (clusters..).zip(closure) {
+        received[node] = received[node] * scale + emission[node] * missing;
+    }
+    received
 }
 
 /// The largest sum of form factors of a patch. What it receives is scaled down to this sum.

@@ -137,7 +137,7 @@ pub(super) fn hierarchical(
     for (element, node) in mesh.elements.iter().zip(mesh.clusters.len()..) {
         radiance.push(element.emission + element.reflectance * (given.lit[node] + given.sky[node]));
     }
-    let mut light = Light { radiance: means(mesh, radiance), received: Vec::new() };
+    let mut light = Light { radiance: means(mesh, radiance), ..Light::default() };
     let mut deviation = deviations(mesh, &light.radiance);
     let mut links: Vec<Link> = Vec::new();
     let mut reflected = power;

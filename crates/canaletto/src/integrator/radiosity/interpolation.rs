@@ -65,13 +65,12 @@ impl Interpolation {
                 let weight = 1.0 / points[vertex as usize].distance(element.center);
                 let (weights, sum) = &mut sums[vertex as usize];
                 *weights += weight;
-                sum.direct += light[patch].direct * weight;
-                sum.indirect += light[patch].indirect * weight;
+                *sum = sum.plus(&light[patch].map(|light| light * weight));
             }
         }
         let mean = |(weight, sum): (f64, ArrivingLight)| match weight {
             0.0 => ArrivingLight::default(),
-            _ => ArrivingLight { direct: sum.direct / weight, indirect: sum.indirect / weight },
+            _ => sum.map(|sum| sum / weight),
         };
         Interpolation { points, light: sums.into_iter().map(mean).collect(), firsts, boundary }
     }
@@ -101,10 +100,9 @@ impl Interpolation {
         let weights = weights.map(|weight| weight.max(0.0));
         let sum: f64 = weights.iter().sum();
         let [a, b] = [a, b].map(|vertex| &self.light[vertex as usize]);
-        let mean = |of: &dyn Fn(&ArrivingLight) -> DVec3| {
-            (of(own) * weights[0] + of(a) * weights[1] + of(b) * weights[2]) / sum
-        };
-        ArrivingLight { direct: mean(&|light| light.direct), indirect: mean(&|light| light.indirect) }
+        let weighted = |light: &ArrivingLight, weight: f64| light.map(|light| light * weight);
+        let mean = weighted(own, weights[0]).plus(&weighted(a, weights[1])).plus(&weighted(b, weights[2]));
+        mean.map(|mean| mean / sum)
     }
 }
 

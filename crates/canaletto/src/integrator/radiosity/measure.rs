@@ -96,7 +96,7 @@ impl RadiositySolution {
             let light = self.light_at(hit.instance, hit.primitive, hit.part, outside, surface.exact);
             if let (Some(patch), Some(light)) = (patch, light) {
                 let patch = &self.patches()[patch];
-                let radiance = patch.emission + patch.reflectance * (light.direct + light.indirect);
+                let radiance = patch.emission + patch.reflectance * light.sum();
                 sum += radiance * (share * opacity);
             }
             share *= 1.0 - opacity;

@@ -7,6 +7,7 @@
 //! - `root` and `mesh` make patches of all shapes. Patches that touching bodies cover in part are split first.
 //! - `exchange` finds form factors: exact contours times the visibility of rays. `sources` finds D.
 //! - `hierarchical` refines `link`s between nodes of the mesh, and `balance` solves the equations over them.
+//! - `emitters` are the lights of the second pass. Their straight light is kept apart from other light of patches.
 //! - `shooting` and `full` solve them on a mesh of equal patches.
 //!
 //! Deviations: moving objects stay where they are when the shutter opens. Materials count by their diffuse colour
@@ -15,6 +16,7 @@
 mod balance;
 mod cluster;
 mod cuts;
+mod emitters;
 mod exchange;
 mod full;
 mod hierarchical;

@@ -57,6 +57,11 @@ impl Root {
         Aabb::from_points(outline.corners().iter().map(|p| p.as_vec3()))
     }
 
+    /// The same side for an outline within its own. It keeps no cuts and no contacts.
+    pub(super) fn part(&self, outline: Outline) -> Root {
+        Root { outline, cuts: Arc::default(), contacts: Vec::new(), ..self.clone() }
+    }
+
     /// The primitive that a point of the outline belongs to.
     pub(super) fn primitive_at(&self, point: DVec3) -> u32 {
         let [first, second] = self.primitives;

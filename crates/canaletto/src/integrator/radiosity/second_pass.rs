@@ -2,8 +2,8 @@
 //! of ambient light.
 
 use super::{RadiosityError, RadiositySolution};
-use crate::integrator::whitted::DiffuseLight;
-use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, Whitted};
+use crate::integrator::whitted::{DiffuseLight, EmitterReceiver};
+use crate::integrator::{Cancelled, Counts, EmittersTerm, PreparedRayIntegrator, Whitted};
 use crate::job::{JobError, Observer};
 use crate::math::Rgb;
 use crate::scene::{RadiositySettings, RadiosityShow, Stage, WhittedSettings};
@@ -15,6 +15,8 @@ use std::ops::ControlFlow;
 struct ShownSolution {
     solution: RadiositySolution,
     show: RadiosityShow,
+    /// The shadow rays to emitters at each hit.
+    light_samples: u32,
 }
 
 impl DiffuseLight for ShownSolution {
@@ -26,21 +28,27 @@ impl DiffuseLight for ShownSolution {
         let light = match self.show {
             RadiosityShow::Patches => {
                 let patch = self.solution.patch_at(hit.instance, hit.primitive, hit.part, outside, point);
-                patch.map(|patch| {
-                    let patch = &self.solution.patches()[patch];
-                    patch.direct + patch.indirect
-                })
+                patch.map(|patch| self.solution.patches()[patch].arriving().sum())
             }
             RadiosityShow::Solution => {
                 let light = self.solution.light_at(hit.instance, hit.primitive, hit.part, outside, point);
-                light.map(|light| light.direct + light.indirect)
+                light.map(|light| light.sum())
             }
             RadiosityShow::Full => {
                 let light = self.solution.light_at(hit.instance, hit.primitive, hit.part, outside, point);
-                light.map(|light| light.indirect)
+                let has_emitters = !self.solution.emitters.is_empty();
+                light.map(|light| if has_emitters { light.indirect } else { light.from_emitters + light.indirect })
             }
         };
         Rgb::from(light.unwrap_or_default().to_array().map(|v| v as f32)).saturated()
+    }
+
+    fn emitters_at(&self, receiver: &EmitterReceiver) -> Option<EmittersTerm> {
+        if self.show != RadiosityShow::Full || self.solution.emitters.is_empty() {
+            return None;
+        }
+        let term = self.solution.emitters.light_at(receiver, self.light_samples);
+        (!term.unoccluded.is_black()).then_some(term)
     }
 }
 
@@ -64,7 +72,7 @@ impl PreparedRadiosity {
             Err(problem) => return Err(JobError::Radiosity(problem.to_string())),
         };
         Ok(ControlFlow::Continue(PreparedRadiosity {
-            shown: ShownSolution { solution, show: settings.show },
+            shown: ShownSolution { solution, show: settings.show, light_samples: settings.light_samples },
             settings: second_pass(settings.show),
         }))
     }
@@ -87,6 +95,9 @@ impl PreparedRayIntegrator for PreparedRadiosity {
     fn preparation_counts(&self) -> Counts {
         let solution = &self.shown.solution;
         let mut others = vec![("patches", solution.patches().len() as u64), ("links", solution.links as u64)];
+        if solution.emitters.excess > 0 {
+            others.push(("emitting polygons that light as patches", solution.emitters.excess as u64));
+        }
         if solution.limit_reached {
             others.push(("patch limit reached", 1));
         }

@@ -68,6 +68,8 @@ pub(super) fn shooting(
         .collect();
     let mut unsent = radiance.clone();
     let mut received = vec![DVec3::ZERO; leaves.len()];
+    let mut from_emitters = received.clone();
+    let mut emitted: Vec<DVec3> = (0..leaves.len()).map(|leaf| element(leaf).emission).collect();
     let area: f64 = leaves.iter().map(|&leaf| mesh.elements[leaf as usize].area).sum();
     let mean =
         |of: &dyn Fn(usize) -> DVec3| (0..leaves.len()).map(|leaf| of(leaf) * element(leaf).area).sum::<DVec3>() / area;
@@ -99,22 +101,26 @@ pub(super) fn shooting(
         let power = |leaf: usize| unsent[leaf].element_sum() * element(leaf).area;
         let from = (0..leaves.len()).fold(0, |best, leaf| if power(leaf) > power(best) { leaf } else { best });
         let sent = std::mem::take(&mut unsent[from]);
+        let straight = std::mem::take(&mut emitted[from]);
         let factors: Vec<f64> =
             leaves.par_iter().map(|&leaf| mesh.between(leaf, leaves[from], Effort::Few).factor).collect();
         for (leaf, factor) in factors.into_iter().enumerate() {
             if factor > 0.0 {
                 let light = sent * factor;
                 received[leaf] += light;
+                from_emitters[leaf] += straight * factor;
                 radiance[leaf] += element(leaf).reflectance * light;
                 unsent[leaf] += element(leaf).reflectance * light;
             }
         }
         steps += 1;
     };
-    let mut light = Light { radiance: vec![DVec3::ZERO; mesh.nodes()], received: vec![DVec3::ZERO; mesh.nodes()] };
+    let none = vec![DVec3::ZERO; mesh.nodes()];
+    let mut light = Light { radiance: none.clone(), received: none.clone(), from_emitters: none };
     for (leaf, &number) in leaves.iter().enumerate() {
         light.radiance[mesh.node(number) as usize] = radiance[leaf];
         light.received[mesh.node(number) as usize] = received[leaf];
+        light.from_emitters[mesh.node(number) as usize] = from_emitters[leaf];
     }
     light.radiance = means(mesh, light.radiance);
     Ok(Balanced { given, light, residual: rest, links: steps * leaves.len() })

@@ -1,6 +1,7 @@
 //! Solutions: the light of all patches, found again by a point of a surface.
 
 use super::Balanced;
+use super::emitters::Emitters;
 use super::hierarchical::Given;
 use super::interpolation::Interpolation;
 use super::mesh::{NONE, PatchMesh};
@@ -31,19 +32,26 @@ pub struct Patch {
     pub emission: DVec3,
     /// The light that arrives from the scene's lights without a reflection, as the radiance of a white surface.
     pub direct: DVec3,
-    /// All other light that arrives: from other patches and from the environment.
+    /// The light that arrives straight from emitting surfaces.
+    pub from_emitters: DVec3,
+    /// All other light that arrives: by reflections and from the environment.
     pub indirect: DVec3,
 }
 
 impl Patch {
+    /// The light that arrives.
+    pub fn arriving(&self) -> ArrivingLight {
+        ArrivingLight { direct: self.direct, from_emitters: self.from_emitters, indirect: self.indirect }
+    }
+
     /// The radiance that leaves the patch.
     pub fn radiance(&self) -> DVec3 {
-        self.emission + self.reflectance * (self.direct + self.indirect)
+        self.emission + self.reflectance * self.arriving().sum()
     }
 
     /// The irradiance: π times the arriving light.
     pub fn irradiance(&self) -> DVec3 {
-        (self.direct + self.indirect) * std::f64::consts::PI
+        self.arriving().sum() * std::f64::consts::PI
     }
 }
 
@@ -52,8 +60,32 @@ impl Patch {
 pub struct ArrivingLight {
     /// The light of the scene's lights without a reflection.
     pub direct: DVec3,
+    /// The light that arrives straight from emitting surfaces.
+    pub from_emitters: DVec3,
     /// All other light.
     pub indirect: DVec3,
+}
+
+impl ArrivingLight {
+    /// All light.
+    pub fn sum(&self) -> DVec3 {
+        self.direct + self.from_emitters + self.indirect
+    }
+
+    /// What a function does to each part.
+    pub(super) fn map(&self, of: impl Fn(DVec3) -> DVec3) -> ArrivingLight {
+        let ArrivingLight { direct, from_emitters, indirect } = *self;
+        ArrivingLight { direct: of(direct), from_emitters: of(from_emitters), indirect: of(indirect) }
+    }
+
+    /// The sum of each part with another light's.
+    pub(super) fn plus(&self, other: &ArrivingLight) -> ArrivingLight {
+        ArrivingLight {
+            direct: self.direct + other.direct,
+            from_emitters: self.from_emitters + other.from_emitters,
+            indirect: self.indirect + other.indirect,
+        }
+    }
 }
 
 /// The squared distance from the centre, relative to the squared radius, within which a point of a curved surface may
@@ -80,6 +112,7 @@ pub struct RadiositySolution {
     outlines: Vec<Outline>,
     elements: Vec<SolvedElement>,
     interpolation: Interpolation,
+    pub(super) emitters: Emitters,
     /// Instance, primitive, side and part of each root, with its element, in order.
     roots: Vec<(u32, u32, bool, u32, u32)>,
     /// The largest change by one more bounce, relative to all light.
@@ -129,16 +162,17 @@ impl RadiositySolution {
                     reflectance: element.reflectance,
                     emission: element.emission,
                     direct: lit[node],
-                    indirect: light.received[node] + sky[node],
+                    from_emitters: light.from_emitters[node],
+                    indirect: (light.received[node] - light.from_emitters[node]).max(DVec3::ZERO) + sky[node],
                 });
             }
         }
         roots.sort_unstable();
-        let light: Vec<ArrivingLight> =
-            patches.iter().map(|p: &Patch| ArrivingLight { direct: p.direct, indirect: p.indirect }).collect();
+        let light: Vec<ArrivingLight> = patches.iter().map(Patch::arriving).collect();
         let interpolation = Interpolation::new(mesh, &light);
         RadiositySolution {
             interpolation,
+            emitters: Emitters::new(mesh),
             patches,
             outlines,
             elements,
@@ -177,8 +211,7 @@ impl RadiositySolution {
     ) -> Option<ArrivingLight> {
         let number = self.patch_at(instance, primitive, part, is_outer, point)?;
         let patch = &self.patches[number];
-        let own = ArrivingLight { direct: patch.direct, indirect: patch.indirect };
-        Some(self.interpolation.at(number, patch.center, &own, point))
+        Some(self.interpolation.at(number, patch.center, &patch.arriving(), point))
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

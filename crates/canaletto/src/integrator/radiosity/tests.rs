@@ -13,6 +13,11 @@ fn kd(name: &str, kd: f32) -> Material {
     Material::new(name, Phong { kd: Rgb::gray(kd), ..Phong::default() })
 }
 
+/// The light that arrives from other surfaces.
+fn received(patch: &Patch) -> DVec3 {
+    patch.from_emitters + patch.indirect
+}
+
 fn cube(min: f32, max: f32) -> Shape {
     Shape::Box(Cuboid { min: Vec3::splat(min), max: Vec3::splat(max) })
 }
@@ -159,10 +164,11 @@ fn the_cornell_box_agrees_with_a_dense_solution() {
     for (mesh, face, expected, tolerance) in CORNELL_FACES {
         // Pieces of the floor under the blocks are dark.
         let of = |patch: &&Patch| {
-            patch.is_outer && patch.instance == mesh && patch.primitive / 2 == face && patch.indirect.x > 1e-9
+            patch.is_outer && patch.instance == mesh && patch.primitive / 2 == face && received(patch).x > 1e-9
         };
         let area: f64 = solution.patches().iter().filter(of).map(|patch| patch.area).sum();
-        let light = solution.patches().iter().filter(of).map(|patch| patch.indirect * patch.area).sum::<DVec3>() / area;
+        let light =
+            solution.patches().iter().filter(of).map(|patch| received(patch) * patch.area).sum::<DVec3>() / area;
         let error = light / DVec3::from_array(expected) - 1.0;
         println!(
             "face {mesh} {face}: {:.6} {:.6} {:.6}, error {:+.2} {:+.2} {:+.2} %",
@@ -216,7 +222,7 @@ fn no_light_is_lost_in_a_closed_room() {
         let solution = RadiositySolution::solve(&world, &settings(method, error), &()).unwrap();
         let sum = |of: &dyn Fn(&Patch) -> DVec3| solution.patches().iter().map(|p| of(p) * p.area).sum::<DVec3>();
         let emitted = sum(&|p| p.emission);
-        let absorbed = sum(&|p| (DVec3::ONE - p.reflectance) * p.indirect);
+        let absorbed = sum(&|p| (DVec3::ONE - p.reflectance) * received(p));
         let lost = (absorbed / emitted - 1.0).abs().max_element();
         println!("cost {method:?}: emitted {emitted}, absorbed {absorbed}, lost {lost:.1e}");
         assert!(lost < tolerance && emitted.x > 1.0, "{method:?}: {lost}");
@@ -388,7 +394,7 @@ fn the_limit_of_patches_is_kept_and_told() {
     assert!(solution.limit_reached && solution.patches().len() <= 300, "{}", solution.patches().len());
     // The light of the room is about right all the same.
     let back = |patch: &&Patch| patch.is_outer && patch.instance == 1 && patch.primitive / 2 == 2;
-    let light: f64 = solution.patches().iter().filter(back).map(|patch| patch.indirect.x * patch.area).sum();
+    let light: f64 = solution.patches().iter().filter(back).map(|patch| received(patch).x * patch.area).sum();
     assert!((light / 303376.6 / 0.2313 - 1.0).abs() < 0.2, "{}", light / 303376.6);
 }
 

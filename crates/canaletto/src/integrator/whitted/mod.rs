@@ -19,17 +19,17 @@ mod tests;
 mod trace;
 mod wave;
 
-use super::{Cancelled, PreparedRayIntegrator, Probe, RayCounts};
+use super::{Cancelled, EmittersTerm, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
-use crate::sampler::{Sample, Sampler};
+use crate::sampler::{Dimension, Sample, Sampler};
 use crate::scene::WhittedSettings;
 use crate::world::{Hit, OccluderCache, World};
 use glam::{DVec3, Vec3};
 use interaction::SurfaceInteraction;
 pub(super) use intersect::background;
 use media::Media;
-use ray_state::{PathState, RayState};
+use ray_state::{PathState, RayState, uses};
 pub(crate) use wave::Fragment;
 use wave::Waves;
 
@@ -77,6 +77,25 @@ pub(crate) trait DiffuseLight: Sync {
 
     /// The light that arrives at a hit, as the radiance of a white surface. Unknown surfaces get none.
     fn light_at(&self, hit: &Hit, point: DVec3, outside: bool) -> Rgb;
+
+    /// The light of emitting surfaces that is not in it. Its contribution is left black. None if there is none.
+    fn emitters_at(&self, receiver: &EmitterReceiver) -> Option<EmittersTerm>;
+}
+
+/// A place that asks for the light of emitting surfaces.
+pub(crate) struct EmitterReceiver<'a> {
+    pub(crate) world: &'a World,
+    pub(crate) time: f32,
+    pub(crate) point: DVec3,
+    /// The unit shading normal on the viewer's side.
+    pub(crate) normal: DVec3,
+    /// The unit geometric normal on the viewer's side.
+    pub(crate) facing: DVec3,
+    /// The origin of shadow rays.
+    pub(crate) start: Vec3,
+    /// The source of random numbers, and the dimension for this use.
+    pub(crate) sample: &'a Sample,
+    pub(crate) dimension: Dimension,
 }
 
 /// The number of camera rays and child rays between two calls of the cancel callback.
@@ -120,6 +139,27 @@ impl<'w> Whitted<'w> {
             None => self.world.ambient,
             Some(solution) => solution.light_at(at.hit, at.frame.exact, at.frame.outside),
         }
+    }
+
+    /// The light of emitting surfaces at an interaction, after shadows.
+    fn emitters(&mut self, at: &SurfaceInteraction) -> Option<EmittersTerm> {
+        let solution = self.solution?;
+        let frame = &at.frame;
+        let mut term = solution.emitters_at(&EmitterReceiver {
+            world: self.world,
+            time: self.time,
+            point: frame.exact,
+            normal: frame.normal,
+            facing: frame.facing,
+            start: frame.start,
+            sample: at.sample,
+            dimension: at.path_state.place.of(uses::LIGHTS + self.world.lights.len() as u32),
+        })?;
+        self.poll(term.rays);
+        self.counts.shadow.traced += u64::from(term.rays);
+        self.counts.shadow.hit += u64::from(term.rays) - term.passed.ceil() as u64;
+        term.contribution = (term.arriving * at.material.phong().kd).saturated(); // (5.32)
+        Some(term)
     }
 
     /// Returns this integrator with a callback that can cancel it.

@@ -55,6 +55,10 @@ impl Whitted<'_> {
             probe.ambient(ambient);
             color += ambient;
         }
+        if let Some(term) = self.emitters(at) {
+            probe.emitters(&term);
+            color = (color + term.contribution).saturated();
+        }
         let emission = at.material.emitted(at.frame.outside);
         if !emission.is_black() {
             probe.emission(emission);

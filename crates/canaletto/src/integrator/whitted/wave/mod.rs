@@ -210,9 +210,14 @@ impl Whitted<'_> {
         if self.solution.is_some() {
             for index in 0..wave.interactions.len() {
                 if wave.interactions.each()[index].is_seen() {
-                    let light = self.ambient(&wave.at(index));
-                    let interaction = &mut wave.interactions.all_mut()[index];
-                    interaction.color += (light * interaction.material.phong().kd).saturated(); // (5.33)
+                    let at = wave.at(index);
+                    let ambient = (self.ambient(&at) * at.material.phong().kd).saturated(); // (5.33)
+                    let emitters = self.emitters(&at).map(|term| term.contribution);
+                    let color = &mut wave.interactions.all_mut()[index].color;
+                    *color += ambient;
+                    if let Some(emitters) = emitters {
+                        *color = (*color + emitters).saturated();
+                    }
                 }
             }
         } else if stage >= Stage::Ambient {
