@@ -2,7 +2,8 @@
 //! Frames of an animation carry it. A frame with another digest shows something else.
 
 use crate::source::UsedFile;
-use std::fmt::{self, Debug};
+use canaletto::WordHash;
+use std::fmt::{self, Debug, Write};
 
 /// A hash of several parts in their order. It detects edited scenes; it gives no protection against forgery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,8 +17,10 @@ impl Digest {
 
     /// Adds a value by its `Debug` text, which holds all fields and exact numbers.
     pub(crate) fn with(self, part: &dyn Debug) -> Digest {
-        let text = format!("{part:?}");
-        Digest(hash_on(hash_start(self.0.rotate_left(17), text.len()), text.as_bytes()))
+        let mut hash = WordHash::seeded(self.0.rotate_left(17));
+        // A hash takes any text.
+        let _ = write!(hash, "{part:?}");
+        Digest(hash.finish())
     }
 
     /// Adds files. The order in which they were read doesn't matter.
@@ -34,29 +37,11 @@ impl fmt::Display for Digest {
     }
 }
 
-/// FNV-1a over words of eight bytes, with the bits mixed after each word. It is fast, and its results are equal on
-/// every machine.
+/// The hash of bytes.
 pub(crate) fn hash_of(bytes: &[u8]) -> u64 {
-    hash_on(hash_start(0, bytes.len()), bytes)
-}
-
-/// The initial hash of `length` bytes.
-pub(crate) fn hash_start(start: u64, length: usize) -> u64 {
-    start ^ 0xcbf2_9ce4_8422_2325 ^ length as u64
-}
-
-/// Continues a hash with more bytes. Their number is a multiple of eight, except for the last ones.
-pub(crate) fn hash_on(mut hash: u64, bytes: &[u8]) -> u64 {
-    let mut chunks = bytes.chunks_exact(8);
-    let mut stir = |word: u64| {
-        hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        hash ^= hash >> 29;
-    };
-    for chunk in &mut chunks {
-        stir(u64::from_le_bytes(chunk.try_into().unwrap_or_default()));
-    }
-    chunks.remainder().iter().for_each(|byte| stir(u64::from(*byte)));
-    hash
+    let mut hash = WordHash::new();
+    hash.add_bytes(bytes);
+    hash.finish()
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ pub(crate) enum Exit {
     Failed = 1,
     /// The command line is wrong.
     Usage = 2,
-    /// The scene, or a file that it names, is wrong.
+    /// The scene, or a file that it names, is wrong. A solution is wrong, or one of another scene.
     Scene = 3,
     /// Two pictures differ by more than a threshold.
     Threshold = 4,
@@ -25,7 +25,7 @@ impl Exit {
         (Exit::Done, "success"),
         (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
-        (Exit::Scene, "the scene, or a file that it names, is wrong or missing"),
+        (Exit::Scene, "the scene, a file that it names or another input is wrong or missing, or a solution is refused"),
         (Exit::Threshold, "compare, compare-methods: the pictures differ by more than a threshold"),
         (
             Exit::Interrupted,

@@ -37,9 +37,16 @@ pub(crate) fn duration(time: Duration) -> String {
     }
 }
 
+const THOUSANDS: &[&str] = &["", " k", " M", " G"];
+
 /// A number of rays per second.
 pub(crate) fn rate(rays: f64) -> String {
-    format!("{} rays/s", scaled(rays, 1000.0, &["", " k", " M", " G"]))
+    format!("{} rays/s", scaled(rays, 1000.0, THOUSANDS))
+}
+
+/// A large number, rounded: "950", "12.3 k", "1.2 M".
+pub(crate) fn amount(n: u64) -> String {
+    scaled(n as f64, 1000.0, THOUSANDS)
 }
 
 /// A number of bytes.

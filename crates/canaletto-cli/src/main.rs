@@ -29,6 +29,8 @@ mod report;
 mod sampling_progress;
 mod series;
 mod settings;
+mod shooting_steps;
+mod solutions;
 mod source;
 mod stdout;
 mod terminal;

@@ -14,6 +14,7 @@ pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnosti
             Omission::EmissionAsLight { .. } => warning.help(
                 "the surfaces shine, but light nothing: take integrator \"radiosity\", or put a light in their place",
             ),
+            Omission::Ambient { .. } => warning.help("leave ambient out, or write ambient 0"),
             _ => warning,
         });
     }

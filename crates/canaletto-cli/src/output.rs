@@ -211,6 +211,11 @@ impl Output {
         WriteOptions { no_clobber: self.no_clobber, durable: self.durable }
     }
 
+    /// The path as given, in which # may stand for a number.
+    pub(crate) fn pattern(&self) -> &Path {
+        &self.pattern
+    }
+
     pub(crate) fn is_stdout(&self) -> bool {
         self.pattern == Path::new("-")
     }
@@ -225,26 +230,7 @@ impl Output {
             }
             return Ok(());
         }
-        for file in files {
-            match file.metadata() {
-                Ok(old) if old.is_dir() => return Err(wrong(WriteError::IsFolder(file))),
-                Ok(_) if self.no_clobber => return Err(wrong(WriteError::Exists(file))),
-                _ => {}
-            }
-        }
-        if self.pattern.metadata().is_ok_and(|old| !old.is_file()) {
-            return Ok(()); // A device or pipe has no temporary file beside it.
-        }
-        let folder = folder_of(&self.pattern);
-        if !folder.is_dir() {
-            return Err(wrong(WriteError::NoFolder(folder.to_owned())));
-        }
-        sweep(folder);
-        // The test file has no name: it is invisible, and the system removes it.
-        match tempfile::tempfile_in(folder) {
-            Ok(_) => Ok(()),
-            Err(e) => Err(Failure::new(Exit::Failed, format!("can't write into {}: {}", folder.display(), reason(&e)))),
-        }
+        check_files(files, &self.pattern, self.no_clobber)
     }
 
     /// Writes a complete picture or nothing. Removes the partial picture of an interrupted run, which is obsolete.
@@ -285,6 +271,43 @@ impl Output {
     }
 }
 
+/// Detects before other work what would make writing these files fail after it. `pattern` tells their folder.
+pub(crate) fn check_files(
+    files: impl IntoIterator<Item = PathBuf>,
+    pattern: &Path,
+    no_clobber: bool,
+) -> Result<(), Failure> {
+    for file in files {
+        match file.metadata() {
+            Ok(old) if old.is_dir() => return Err(wrong(WriteError::IsFolder(file))),
+            Ok(_) if no_clobber => return Err(wrong(WriteError::Exists(file))),
+            _ => {}
+        }
+    }
+    if pattern.metadata().is_ok_and(|old| !old.is_file()) {
+        return Ok(()); // A device or pipe has no temporary file beside it.
+    }
+    let folder = folder_of(pattern);
+    if !folder.is_dir() {
+        return Err(wrong(WriteError::NoFolder(folder.to_owned())));
+    }
+    sweep(folder);
+    // The test file has no name: it is invisible, and the system removes it.
+    match tempfile::tempfile_in(folder) {
+        Ok(_) => Ok(()),
+        Err(e) => Err(Failure::new(Exit::Failed, format!("can't write into {}: {}", folder.display(), reason(&e)))),
+    }
+}
+
+/// Calls `write` to write a complete file or nothing.
+pub(crate) fn write_with(
+    path: &Path,
+    options: WriteOptions,
+    write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+) -> Result<(), Failure> {
+    write_atomically(path, options, write).map_err(wrong)
+}
+
 /// Writes a complete file or nothing; `-` is the standard output. Removes temporary files that a killed program left
 /// beside it.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
@@ -293,7 +316,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 }
 
 fn write(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<(), Failure> {
-    write_atomically(path, options, |out| out.write_all(bytes)).map_err(wrong)
+    write_with(path, options, |out| out.write_all(bytes))
 }
 
 fn folder_of(file: &Path) -> &Path {
@@ -364,7 +387,7 @@ fn wrong(error: WriteError) -> Failure {
 }
 
 /// The name before and after its longest run of #, and the run's length. Of several longest runs it is the last one.
-fn numbered(path: &Path) -> Option<(&str, usize, &str)> {
+pub(crate) fn numbered(path: &Path) -> Option<(&str, usize, &str)> {
     let name = path.file_name()?.to_str()?;
     let longest = name.split(|c| c != '#').map(str::len).max().filter(|length| *length > 0)?;
     let start = name.rfind(&"#".repeat(longest))?;

@@ -1,9 +1,9 @@
-//! Progress of a render on stderr: a bar, lines of text, or lines of JSON.
+//! Progress of a render on stderr, and of radiosity before it: a bar, lines of text, or lines of JSON.
 
 use crate::failure::eprint_line;
-use crate::format::{duration, rate};
+use crate::format::{amount, count, duration, rate};
 use crate::interrupt;
-use canaletto::render::{Observer, Progress};
+use canaletto::render::{Observer, Progress, SolvingPhase, SolvingProgress};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -84,6 +84,60 @@ struct ProgressEvent {
     seconds_left_in_all: f64,
 }
 
+/// The event "solving".
+#[derive(Serialize)]
+struct SolvingEvent {
+    event: &'static str,
+    frame: u32,
+    phase: &'static str,
+    patches: u64,
+    links: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    round: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rounds: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bounce: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    step: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unsent: Option<f64>,
+    seconds: f64,
+}
+
+impl SolvingEvent {
+    fn new(frame: u32, progress: &SolvingProgress, seconds: f64) -> SolvingEvent {
+        let SolvingProgress { phase, patches, links, .. } = *progress;
+        let (mut round, mut rounds, mut bounce, mut step, mut unsent) = (None, None, None, None, None);
+        match phase {
+            SolvingPhase::Links { round: this, rounds: all } => (round, rounds) = (Some(this), Some(all)),
+            SolvingPhase::Balance { bounce: this } => bounce = Some(this),
+            SolvingPhase::Shooting { step: this, unsent: share } => (step, unsent) = (Some(this), Some(share)),
+            _ => {}
+        }
+        let phase = phase.name();
+        SolvingEvent { event: "solving", frame, phase, patches, links, round, rounds, bounce, step, unsent, seconds }
+    }
+}
+
+/// A line about the progress of radiosity, for people.
+fn solving_words(progress: &SolvingProgress) -> String {
+    let SolvingProgress { phase, patches, links, .. } = *progress;
+    let (patches, links) = (format!("patches {}", count(patches)), format!("links {}", amount(links)));
+    match phase {
+        SolvingPhase::Patches => "radiosity: cutting surfaces into patches".into(),
+        SolvingPhase::Lights => format!("radiosity: {patches}, light of lamps and sky"),
+        SolvingPhase::Links { round, rounds } => {
+            format!("radiosity: {patches}, {links}, round {round} of {rounds}")
+        }
+        SolvingPhase::Balance { bounce } => format!("radiosity: {patches}, {links}, bounce {bounce}"),
+        SolvingPhase::Shooting { step, unsent } => {
+            format!("radiosity: {patches}, step {}, {:.1}% unsent", count(step), unsent * 100.0)
+        }
+        _ => format!("radiosity: {patches}"),
+    }
+}
+
 /// All frames of a run, for the estimate of the time left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RunProgress {
@@ -119,6 +173,9 @@ pub(crate) struct ProgressDisplay {
 struct State {
     last: Instant,
     pixels_done: u64,
+    /// The name of the phase of solving, and the time of its last report. Pixels begin after that.
+    phase: &'static str,
+    solved: Instant,
 }
 
 impl ProgressDisplay {
@@ -141,7 +198,7 @@ impl ProgressDisplay {
             whole,
             start: now,
             bar,
-            state: Mutex::new(State { last: now, pixels_done: 0 }),
+            state: Mutex::new(State { last: now, pixels_done: 0, phase: "", solved: now }),
         }
     }
 
@@ -161,6 +218,31 @@ impl Observer for ProgressDisplay {
         interrupt::requested()
     }
 
+    fn solving(&self, progress: &SolvingProgress) {
+        if self.style == Style::Silent {
+            return;
+        }
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.solved = Instant::now();
+        // Programs hear of every phase, however short.
+        let is_new = self.style == Style::Json && state.phase != progress.phase.name();
+        if !is_new && state.last.elapsed() < self.style.pause() {
+            return;
+        }
+        (state.last, state.phase) = (Instant::now(), progress.phase.name());
+        let words = || format!("{}, {}", solving_words(progress), duration(self.start.elapsed()));
+        match self.style {
+            Style::Silent => {}
+            Style::Json => emit(&SolvingEvent::new(self.frame, progress, self.start.elapsed().as_secs_f64())),
+            Style::Plain => eprint_line(&format!("{}{}", self.label, words())),
+            Style::Bar => {
+                if let Some(bar) = &self.bar {
+                    bar.set_message(words());
+                }
+            }
+        }
+    }
+
     fn progress(&self, progress: &Progress) {
         if self.style == Style::Silent {
             return;
@@ -170,8 +252,8 @@ impl Observer for ProgressDisplay {
         if progress.pixels_done <= state.pixels_done || state.last.elapsed() < self.style.pause() {
             return;
         }
-        *state = State { last: Instant::now(), pixels_done: progress.pixels_done };
-        let seconds = self.start.elapsed().as_secs_f64().max(1e-9);
+        (state.last, state.pixels_done) = (Instant::now(), progress.pixels_done);
+        let seconds = state.solved.elapsed().as_secs_f64().max(1e-9);
         let share = progress.pixels_done as f64 / progress.pixels as f64;
         let event = ProgressEvent {
             event: "progress",
@@ -181,7 +263,7 @@ impl Observer for ProgressDisplay {
             percent: (share * 1000.0).round() / 10.0,
             rays: progress.rays,
             rays_per_second: (progress.rays as f64 / seconds).round(),
-            seconds,
+            seconds: self.start.elapsed().as_secs_f64(),
             seconds_left: seconds * (1.0 - share) / share,
             frames_done: self.whole.done,
             frames_total: self.whole.frames,
@@ -221,6 +303,19 @@ mod tests {
         let whole = RunProgress { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
         // Two and a half frames took 25 seconds; the 4½ frames left take 45.
         assert_eq!(whole.left(0.5, 5.0), 45.0);
+    }
+
+    #[test]
+    fn radiosity_is_told_in_words() {
+        let told = |phase| solving_words(&SolvingProgress { phase, patches: 12_345, links: 1_234_567 });
+        assert_eq!(
+            told(SolvingPhase::Links { round: 2, rounds: 4 }),
+            "radiosity: patches 12,345, links 1.2 M, round 2 of 4"
+        );
+        assert_eq!(
+            told(SolvingPhase::Shooting { step: 1024, unsent: 0.1234 }),
+            "radiosity: patches 12,345, step 1,024, 12.3% unsent"
+        );
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The report about a finished picture.
 
 use crate::format::{count, duration, plural, rate};
+use crate::solutions::SolutionSource;
 use canaletto::integrator::RayCounts;
 use canaletto::world::ReuseCounts;
 use serde::Serialize;
@@ -30,6 +31,9 @@ pub(crate) struct Report {
     pub hierarchies: ReuseCounts,
     /// The numbers of rays by kind.
     pub rays: RayCounts,
+    /// Where the solution of radiosity comes from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solution: Option<SolutionSource>,
     /// Other numbers of the integrator.
     #[serde(flatten)]
     pub counts: BTreeMap<&'static str, u64>,

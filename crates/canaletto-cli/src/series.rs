@@ -14,11 +14,14 @@ use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words};
+use crate::shooting_steps::StepWriter;
+use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use canaletto::Named;
-use canaletto::render::{Aov, Job, Rendering};
-use canaletto::scene::{Sampling, Scene};
+use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
+use canaletto::render::{Aov, Job, JobError, Observer, Rendering, render, render_with_solution};
+use canaletto::scene::{Integrator, Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::movie::{Movie, MovieSettings};
@@ -33,6 +36,7 @@ pub(crate) struct Series<'a> {
     flags: &'a RenderFlags,
     plan: &'a Plan,
     reader: Reader,
+    solutions: &'a mut Solutions,
     film: Option<Movie>,
     /// The warnings that were already printed.
     told: HashSet<String>,
@@ -47,6 +51,8 @@ pub(crate) struct Series<'a> {
 struct FrameContext {
     camera: String,
     job: Job,
+    /// The fingerprint of the scene, if radiosity makes the picture.
+    fingerprint: Option<SolutionFingerprint>,
     /// The text entries of the files.
     texts: Vec<(String, String)>,
     times: Times,
@@ -76,11 +82,17 @@ struct RenderedFrame {
 }
 
 impl<'a> Series<'a> {
-    pub(crate) fn new(flags: &'a RenderFlags, plan: &'a Plan, reader: Reader) -> Series<'a> {
+    pub(crate) fn new(
+        flags: &'a RenderFlags,
+        plan: &'a Plan,
+        reader: Reader,
+        solutions: &'a mut Solutions,
+    ) -> Series<'a> {
         Series {
             flags,
             plan,
             reader,
+            solutions,
             film: None,
             told: HashSet::new(),
             start: Instant::now(),
@@ -129,7 +141,7 @@ impl<'a> Series<'a> {
             let RenderedFrame { report, whole } = self.frame(&frame_context, world, frame)?;
             if whole {
                 self.rendered += 1;
-                self.spent += begun.elapsed();
+                self.spent += begun.elapsed().saturating_sub(self.first_solve(&report));
             }
             self.tell(&report, &frame_context.job);
             if !report.complete {
@@ -165,6 +177,7 @@ impl<'a> Series<'a> {
         let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
         Ok(FrameContext {
             camera: settings.camera,
+            fingerprint: fingerprint(&source.scene, &job),
             job,
             texts,
             times,
@@ -178,6 +191,9 @@ impl<'a> Series<'a> {
     /// Whether a frame's files exist, are complete and match what would be rendered.
     fn keeps(&self, frame_context: &FrameContext, frame: u32) -> bool {
         let output = &self.plan.output;
+        if self.solutions.is_unsaved() || self.plan.steps.is_some() {
+            return false; // Solutions and steps are written when a frame is rendered.
+        }
         if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
             return false;
         }
@@ -220,9 +236,10 @@ impl<'a> Series<'a> {
         };
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         interrupt::Rendering::begins();
-        let rendered = canaletto::render::render(world, &job, &watch);
+        let rendered = self.rendering(frame_context, world, &job, &watch);
         let render = watch.finish().as_secs_f64();
-        let rendering = rendered.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
+        let (rendering, solution) = rendered?;
+        self.tell_of_solves(solution);
         let start = Instant::now();
         let files = if rendering.complete {
             self.save(frame_context, world, &job, &rendering)?
@@ -243,6 +260,7 @@ impl<'a> Series<'a> {
             primitives: world.primitives(),
             hierarchies: frame_context.hierarchies,
             rays: rendering.counts.rays,
+            solution,
             counts: rendering.counts.others.iter().copied().collect(),
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
@@ -250,6 +268,62 @@ impl<'a> Series<'a> {
             seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
         Ok(RenderedFrame { whole: report.complete, report })
+    }
+
+    /// Makes the picture of a frame, with its solution if radiosity makes it.
+    fn rendering(
+        &mut self,
+        frame_context: &FrameContext,
+        world: &World,
+        job: &Job,
+        observer: &dyn Observer,
+    ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
+        let failed = |e: JobError| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name));
+        let (Some(fingerprint), Integrator::Radiosity(settings)) = (&frame_context.fingerprint, &job.integrator) else {
+            return Ok((render(world, job, observer).map_err(failed)?, None));
+        };
+        let name = &self.reader.name;
+        let mut writer = self.plan.steps.as_ref().map(|pictures| StepWriter {
+            pictures,
+            world,
+            job: Job { aovs: Vec::new(), ..job.clone() },
+            texts: &frame_context.texts,
+            style: self.plan.style,
+            quiet: self.flags.quiet,
+            failure: None,
+        });
+        let watcher: &mut dyn ShootingWatcher = match &mut writer {
+            Some(writer) => writer,
+            None => &mut (),
+        };
+        let solved = self.solutions.solution(name, world, fingerprint, settings, observer, watcher)?;
+        if let Some(failure) = writer.and_then(|writer| writer.failure) {
+            return Err(failure);
+        }
+        match solved {
+            Some((solution, source)) => {
+                Ok((render_with_solution(world, job, &solution, observer).map_err(failed)?, Some(source)))
+            }
+            None => Ok((Rendering::unfinished(world, job), None)),
+        }
+    }
+
+    /// The time of the first solve, if it was for this frame. The next frames may need none.
+    fn first_solve(&self, report: &Report) -> Duration {
+        let is_first = report.solution == Some(SolutionSource::Solved) && self.solutions.solves == 1;
+        if is_first { self.solutions.solve_time } else { Duration::ZERO }
+    }
+
+    /// Says once that radiosity is solved again for frames whose scene changes.
+    fn tell_of_solves(&self, solution: Option<SolutionSource>) {
+        let says = !self.flags.quiet && self.plan.style != Style::Json;
+        if says
+            && solution == Some(SolutionSource::Solved)
+            && self.solutions.solves == 2
+            && self.plan.frames.count() > 1
+        {
+            eprint_line("the scene changes between frames, so radiosity is solved again for each that differs");
+        }
     }
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names.
@@ -428,6 +502,7 @@ impl<'a> Series<'a> {
             }
             emit(&json!({
                 "event": "finished", "frames": frames, "rendered": rendered, "skipped": kept,
+                "solves": self.solutions.solves,
                 "seconds": self.start.elapsed().as_secs_f64(),
             }));
         } else if !self.flags.quiet && (frames > 1 || kept > 0) {
@@ -440,7 +515,12 @@ impl<'a> Series<'a> {
                 None => String::new(),
             };
             let time = duration(self.start.elapsed());
-            eprint_line(&format!("{file}{} rendered{kept}, {time} in all", plural(rendered, "frame")));
+            let solved = match self.solutions.solves {
+                0 => String::new(),
+                1 => ", radiosity solved once".into(),
+                n => format!(", radiosity solved {} times", count(n)),
+            };
+            eprint_line(&format!("{file}{} rendered{kept}{solved}, {time} in all", plural(rendered, "frame")));
         }
         Ok(Exit::Done)
     }

@@ -1,13 +1,13 @@
 //! Reading of scenes and models, and building of their worlds.
 
-use crate::digest::{hash_of, hash_on, hash_start};
+use crate::digest::hash_of;
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use crate::inputs::InputGuard;
-use canaletto::memory;
 use canaletto::scene::Scene;
 use canaletto::world::{BuildError, BuildOptions, World};
+use canaletto::{WordHash, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
@@ -334,10 +334,11 @@ impl Assets for RecordingAssets {
         let hash = || {
             const PIECE: usize = 1 << 18;
             let mut buffer = Vec::new();
-            let mut starts = (0..view.size()).step_by(PIECE);
-            starts.try_fold(hash_start(0, view.size()), |hash, at| {
-                Ok(hash_on(hash, view.piece(at..at + PIECE, &mut buffer)?))
-            })
+            let mut hash = WordHash::new();
+            for at in (0..view.size()).step_by(PIECE) {
+                hash.add_bytes(view.piece(at..at + PIECE, &mut buffer)?);
+            }
+            Ok(hash.finish())
         };
         self.note(&asset.path, view.size(), hash)
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;

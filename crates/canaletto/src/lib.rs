@@ -57,6 +57,7 @@ pub mod sampler;
 pub mod scene;
 pub mod shape;
 pub mod texture;
+mod word_hash;
 pub mod world;
 
 /// The crate of the vectors and matrices in descriptions and in [`math`].
@@ -64,5 +65,6 @@ pub use glam;
 
 pub use named::Named;
 pub use out_of_range::OutOfRange;
+pub use word_hash::WordHash;
 
 pub use canaletto_bvh::{Aabb, InstructionSet, PreparedRay, Ray, memory};

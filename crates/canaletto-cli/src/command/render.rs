@@ -12,6 +12,8 @@ use crate::partial::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
+use crate::shooting_steps::StepPictures;
+use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
 use canaletto::Named;
@@ -41,6 +43,8 @@ pub(crate) struct RenderFlags {
     pub output: OutputFlags,
     #[command(flatten)]
     pub picture: PictureFlags,
+    #[command(flatten)]
+    pub solution: SolutionFlags,
 
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
     ///
@@ -98,6 +102,8 @@ Examples:
   canaletto render hall.ply --samples 256 --build high       # long triangles, many rays
   canaletto render shot.kdl --set camera.fovy=40 -o - | display
   canaletto render scenes/*.kdl -o pictures                  # a picture of each scene in a folder
+  canaletto render room.kdl --save-solution room.rad         # radiosity solved once, for ...
+  canaletto render room.kdl --solution room.rad --camera two -o two.png
   make-scene | canaletto render - -o made.png                # a scene text on the standard input";
 
 fn long_help() -> String {
@@ -132,6 +138,7 @@ pub(crate) struct Plan {
     pub rate: Rate,
     pub aovs: Vec<Aov>,
     pub style: Style,
+    pub steps: Option<StepPictures>,
 }
 
 impl Plan {
@@ -165,7 +172,8 @@ impl Plan {
                 .help("render numbered pictures, such as --output shot.####.exr"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
-        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style })
+        let steps = steps(flags, &output, frames)?;
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps })
     }
 
     /// The files of a frame, the picture first.
@@ -181,6 +189,24 @@ impl Plan {
     fn all_files(&self) -> impl Iterator<Item = PathBuf> {
         let one = self.output.format.film().is_some();
         self.frames.iter().take(if one { 1 } else { usize::MAX }).flat_map(|frame| self.files(frame))
+    }
+}
+
+/// The pictures after steps of shooting.
+fn steps(flags: &RenderFlags, output: &Output, frames: Frames) -> Result<Option<StepPictures>, Failure> {
+    let Some(pattern) = &flags.solution.shooting_steps else { return Ok(None) };
+    if frames.count() > 1 {
+        return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
+            .help(format!("give one of them, such as --frames {}", frames.first)));
+    }
+    let steps = StepPictures::new(pattern, flags.solution.shooting_every, &flags.output)?;
+    let other = [Some(output.path(frames.first)), flags.solution.save_solution.clone()];
+    match other.into_iter().flatten().find(|file| steps.is_name(file)) {
+        Some(file) => {
+            Err(Failure::usage(format!("--shooting-steps {} may replace {}", pattern.display(), file.display()))
+                .help("choose another name for the steps"))
+        }
+        None => Ok(Some(steps)),
     }
 }
 
@@ -219,15 +245,20 @@ impl Task {
         }
         let plan = Plan::new(&flags, style, &reader)?;
         plan.output.check(plan.all_files())?;
+        let pictures: Vec<PathBuf> = if plan.output.is_stdout() { Vec::new() } else { plan.all_files().collect() };
+        flags.solution.check_files(&pictures, flags.output.no_clobber)?;
         Ok(Task { flags, plan, reader })
     }
 
     /// All files that this task may write.
     fn outputs(&self) -> Vec<PathBuf> {
-        if self.plan.output.is_stdout() {
-            return Vec::new();
-        }
-        self.plan.all_files().flat_map(|file| [partial(&file), file]).collect()
+        let steps = self.plan.steps.iter().flat_map(StepPictures::existing);
+        let pictures = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
+        pictures
+            .flat_map(|file| [partial(&file), file])
+            .chain(self.flags.solution.save_solution.clone())
+            .chain(steps)
+            .collect()
     }
 }
 
@@ -243,7 +274,10 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     let threads = flags.source.threads;
     let task = Task::new(flags)?;
     let outputs = task.outputs();
-    on_threads(threads, || on_pool(task, &outputs))?
+    on_threads(threads, || {
+        let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
+        on_pool(task, &outputs, &mut solutions)
+    })?
 }
 
 /// The path of a scene's picture in a folder.
@@ -256,6 +290,9 @@ fn in_folder(flags: &RenderFlags, folder: &Path, scene: &Path) -> PathBuf {
 fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let json = flags.progress == ProgressFlag::Json;
     let folder = flags.output.output.as_deref();
+    if let Some(flag) = flags.solution.given() {
+        return Err(Failure::usage(format!("{flag}: a solution belongs to one scene, but there are several")));
+    }
     if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
         return Err(Failure::usage(format!(
             "--output {} is no folder, but there are several scenes",
@@ -291,8 +328,9 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     if let Some(file) = overwritten_input(&mut tasks, &outputs) {
         return Err(replaced("--output", &file));
     }
+    let mut solutions = Solutions::default();
     for task in tasks {
-        match on_pool(task, &outputs) {
+        match on_pool(task, &outputs, &mut solutions) {
             Ok(Exit::Interrupted) => return Ok(Exit::Interrupted),
             Ok(_) => {}
             Err(failure) => fail(&failure),
@@ -321,7 +359,7 @@ pub(crate) fn stem(scene: &Path) -> String {
 }
 
 /// Renders a scene. `outputs` are the files of all scenes; none may replace a file that this scene reads.
-fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
+fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result<Exit, Failure> {
     let Task { flags, plan, mut reader } = task;
     let (flags, plan) = (&flags, &plan);
     let source = reader.at(plan.frames.first)?;
@@ -331,6 +369,9 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
     let [_, _, width, height] = settings.job.window();
     settings.check_pixels()?;
+    flags.solution.check_integrator(&source.name, &settings.job.integrator)?;
+    let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
+    solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
     room(&plan.aovs, [width, height])?;
     if let Some(file) = reader.replaced_by(outputs.iter().cloned()) {
         return Err(replaced("--output", &file));
@@ -355,10 +396,16 @@ fn on_pool(task: Task, outputs: &[PathBuf]) -> Result<Exit, Failure> {
     if reader.timeline().moves && plan.frames.count() > 1 {
         for frame in plan.frames.next_to(&reader.key_frames()).into_iter().filter(|frame| *frame != plan.frames.first) {
             let source = reader.at(frame)?;
-            Settings::new(&source.name, &source.scene, &flags.picture)?;
+            let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+            if let Some(first) = &solved
+                && let Some(scene) = fingerprint(&source.scene, &settings.job)
+            {
+                let fits = solutions.check(&scene).and_then(|()| solutions.check_frames(first, &scene));
+                fits.map_err(|failure| failure.at_frame(frame))?;
+            }
         }
     }
-    Series::new(flags, plan, reader).run(source)
+    Series::new(flags, plan, reader, solutions).run(source)
 }
 
 /// Checks before rendering that memory suffices for a picture with its layers. The factor 3 covers the picture, the

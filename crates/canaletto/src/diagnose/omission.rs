@@ -3,6 +3,7 @@
 use crate::Named;
 use crate::integrator::omitted_by_zbuffer;
 use crate::job::Job;
+use crate::math::Rgb;
 use crate::scene::{Integrator, Stage};
 use crate::world::World;
 use std::fmt;
@@ -17,6 +18,11 @@ pub enum Omission {
         integrator: &'static str,
         /// The names of the materials, in the scene's order.
         materials: Vec<String>,
+    },
+    /// Ambient light isn't added, since radiosity finds the light that it stands for.
+    Ambient {
+        /// The ambient light of the scene, with that of an environment.
+        ambient: Rgb,
     },
     /// A rasteriser draws something else.
     Substitute {
@@ -41,6 +47,10 @@ impl fmt::Display for Omission {
                 let emit = if materials.len() == 1 { "emits" } else { "emit" };
                 write_names(f, "material", materials)?;
                 write!(f, " {emit}, but the {integrator} integrator takes light from lights only")
+            }
+            Omission::Ambient { ambient } => {
+                let [r, g, b] = ambient.to_array();
+                write!(f, "ambient {r} {g} {b} is not added: radiosity computes what ambient stands for")
             }
             Omission::Substitute { sentence, names } => {
                 write!(f, "{sentence}")?;
@@ -83,7 +93,8 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
     let mut all = match integrator {
         Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
         Integrator::Whitted(_) => Vec::new(),
-        Integrator::Radiosity(_) => return Vec::new(),
+        Integrator::Radiosity(_) if world.ambient == Rgb::BLACK => return Vec::new(),
+        Integrator::Radiosity(_) => return vec![Omission::Ambient { ambient: world.ambient }],
         Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
     };
     if !world.may_emit() {
@@ -104,8 +115,9 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::material::{Material, Phong};
-    use crate::math::Rgb;
-    use crate::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
+    use crate::scene::{
+        Content, Extrinsics, FilmSettings, Intrinsics, Node, RadiositySettings, Scene, WhittedSettings,
+    };
     use crate::shape::{Plane, Shape, Sphere};
     use glam::Vec3;
 
@@ -142,5 +154,20 @@ mod tests {
         let all = told((0..6).map(plane).collect(), Stage::Diffuse);
         assert_eq!(all, [format!("materials \"a\", \"b\", \"c\", \"d\" and 2 more emit, {end}")]);
         assert_eq!(told(vec![plane(4), plane(2)], Stage::Full), [format!("materials \"c\" and \"e\" emit, {end}")]);
+    }
+
+    #[test]
+    fn ambient_light_is_told_of_where_radiosity_takes_its_place() {
+        let told = |ambient: Rgb, integrator: Integrator| {
+            let world = World::build(Scene { ambient, ..Scene::default() }).unwrap();
+            let camera = Camera::new(&Intrinsics::default(), &Extrinsics::default()).unwrap();
+            let all = omissions(&world, &Job::new(camera, FilmSettings::default(), integrator));
+            all.iter().map(Omission::to_string).collect::<Vec<_>>()
+        };
+        let radiosity = Integrator::Radiosity(RadiositySettings::DEFAULT);
+        let sentence = "ambient 0.2 0.1 0 is not added: radiosity computes what ambient stands for";
+        assert_eq!(told(Rgb::from([0.2, 0.1, 0.0]), radiosity), [sentence]);
+        assert!(told(Rgb::BLACK, radiosity).is_empty());
+        assert!(told(Rgb::WHITE, WhittedSettings::DEFAULT.into()).is_empty());
     }
 }

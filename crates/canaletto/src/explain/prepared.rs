@@ -39,7 +39,7 @@ impl<'w> PreparedExplainer<'w> {
     ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
         let prepared = match job.integrator {
             Integrator::Whitted(settings) => ControlFlow::Continue(Prepared::Whitted(settings)),
-            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, observer)?
+            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, None, observer)?
                 .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity))),
             Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
                 .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),

@@ -4,7 +4,7 @@ mod aov;
 mod observer;
 
 pub use aov::Aov;
-pub use observer::{Observer, Progress};
+pub use observer::{Observer, Progress, SolvingPhase, SolvingProgress};
 
 use crate::camera::Camera;
 use crate::scene::{FilmSettings, Integrator, WhittedSettings};

@@ -9,6 +9,8 @@ pub trait Observer: Sync {
     }
     /// Reports the progress after each tile.
     fn progress(&self, _progress: &Progress) {}
+    /// Reports the progress of radiosity, which is solved before the first tile.
+    fn solving(&self, _progress: &SolvingProgress) {}
 }
 
 /// The empty observer, which never cancels.
@@ -24,4 +26,57 @@ pub struct Progress {
     pub pixels: u64,
     /// The number of rays traced so far.
     pub rays: u64,
+}
+
+/// The progress of solving radiosity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolvingProgress {
+    /// What is being done.
+    pub phase: SolvingPhase,
+    /// The number of patches so far.
+    pub patches: u64,
+    /// The number of links between nodes so far, or of pairs of patches.
+    pub links: u64,
+}
+
+/// A phase of solving radiosity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum SolvingPhase {
+    /// Surfaces are cut into patches.
+    Patches,
+    /// The light that arrives from lights and from the environment is found.
+    Lights,
+    /// Patches and clusters are linked.
+    Links {
+        /// The number of this round of refinement, from 1 on.
+        round: u32,
+        /// The number of all rounds.
+        rounds: u32,
+    },
+    /// Light bounces over links until it is balanced.
+    Balance {
+        /// The number of bounces so far.
+        bounce: u32,
+    },
+    /// Patches send their light, one after the other.
+    Shooting {
+        /// The number of patches that have sent light.
+        step: u64,
+        /// The share of all light that isn't sent yet.
+        unsent: f64,
+    },
+}
+
+impl SolvingPhase {
+    /// The name of the phase.
+    pub fn name(&self) -> &'static str {
+        match self {
+            SolvingPhase::Patches => "patches",
+            SolvingPhase::Lights => "lights",
+            SolvingPhase::Links { .. } => "links",
+            SolvingPhase::Balance { .. } => "balance",
+            SolvingPhase::Shooting { .. } => "shooting",
+        }
+    }
 }

@@ -7,10 +7,12 @@ mod pixel;
 #[cfg(test)]
 mod tests;
 
-pub use crate::job::{Aov, Job, JobError, Observer, Progress};
+pub use crate::job::{Aov, Job, JobError, Observer, Progress, SolvingPhase, SolvingProgress};
 pub(crate) use pixel::PixelRenderer;
 
+use crate::Named;
 use crate::film::{Picture, TileBuffer};
+use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{Counts, PreparedRadiosity, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
 use crate::world::World;
@@ -18,7 +20,7 @@ use camera_tiles::CameraTiles;
 use canaletto_bvh::with_stack;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The result of a render.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,13 +46,46 @@ pub struct Rendering {
 /// # Errors
 /// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
+    render_given(world, job, None, observer)
+}
+
+/// Renders a picture of a radiosity solution that is already found, as [`render`] does. With the solution of this world
+/// and of the job's settings, the bytes are equal to those of `render`. Each picture may show another part of it.
+///
+/// # Panics
+/// As [`render`].
+///
+/// # Errors
+/// [`JobError`] as from a render, if the job's integrator isn't radiosity, or if the solution is one of another world.
+pub fn render_with_solution(
+    world: &World,
+    job: &Job,
+    solution: &Arc<RadiositySolution>,
+    observer: &dyn Observer,
+) -> Result<Rendering, JobError> {
+    if !matches!(job.integrator, Integrator::Radiosity(_)) {
+        return Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name())));
+    }
+    if !solution.fits(world) {
+        return Err(JobError::Radiosity("the solution is one of another scene".into()));
+    }
+    render_given(world, job, Some(solution), observer)
+}
+
+/// Renders a picture. If its solution of radiosity is given, it isn't solved.
+fn render_given(
+    world: &World,
+    job: &Job,
+    solution: Option<&Arc<RadiositySolution>>,
+    observer: &dyn Observer,
+) -> Result<Rendering, JobError> {
     job.check()?;
     let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
     with_stack(stack_of(world, job), || {
-        Ok(match prepare(world, job, observer)? {
+        Ok(match prepare(world, job, solution, observer)? {
             ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
-            ControlFlow::Break(()) => unfinished(world, job),
+            ControlFlow::Break(()) => Rendering::unfinished(world, job),
         })
     })?
 }
@@ -68,25 +103,28 @@ pub(crate) fn stack_of(world: &World, job: &Job) -> usize {
 fn prepare<'w>(
     world: &'w World,
     job: &'w Job,
+    solution: Option<&Arc<RadiositySolution>>,
     observer: &dyn Observer,
 ) -> Result<ControlFlow<(), Box<dyn TileIntegrator + 'w>>, JobError> {
     Ok(match job.integrator {
         Integrator::Whitted(integrator) => {
             ControlFlow::Continue(Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>)
         }
-        Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, observer)?
+        Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
             .map_continue(|integrator| Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>),
         Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
             .map_continue(|zbuffer| Box::new(zbuffer) as Box<dyn TileIntegrator>),
     })
 }
 
-/// A render without any tile.
-fn unfinished(world: &World, job: &Job) -> Rendering {
-    let [_, _, width, height] = job.window();
-    let mut picture = Picture::new(width, height);
-    picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
-    Rendering { picture, counts: Counts::default(), pixels_done: 0, complete: false }
+impl Rendering {
+    /// A render that was cancelled before its first tile.
+    pub fn unfinished(world: &World, job: &Job) -> Rendering {
+        let [_, _, width, height] = job.window();
+        let mut picture = Picture::new(width, height);
+        picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
+        Rendering { picture, counts: Counts::default(), pixels_done: 0, complete: false }
+    }
 }
 
 /// Makes all passes over all tiles.
@@ -96,7 +134,7 @@ fn on_all_threads(world: &World, job: &Job, integrator: &dyn TileIntegrator, obs
     let tiles_across = width.div_ceil(side) as usize;
     let tile_count = tiles_across * height.div_ceil(side) as usize;
     let passes = integrator.passes().max(1);
-    let rendering = Rendering { counts: integrator.preparation_counts(), ..unfinished(world, job) };
+    let rendering = Rendering { counts: integrator.preparation_counts(), ..Rendering::unfinished(world, job) };
     let shared =
         Mutex::new(Shared { rendering, pixels: u64::from(width) * u64::from(height) * u64::from(passes), done: 0 });
     let new_buffer =

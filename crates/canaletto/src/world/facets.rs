@@ -131,6 +131,16 @@ impl World {
         Some((hit, self.surface(line, &hit)))
     }
 
+    /// Whether there is an instance of this number, and a primitive of its geometry.
+    pub(crate) fn has_primitive(&self, instance: u32, primitive: u32) -> bool {
+        let count = match instance {
+            Hit::UNBOUNDED => self.unbounded.len(),
+            _ if instance >= self.root.leaves => 0,
+            _ => self.with_instance(instance, |placed| self.geometries[placed.geometry as usize].len()),
+        };
+        (primitive as usize) < count
+    }
+
     /// The box of all surfaces that have bounds, in the world's coordinates.
     pub(crate) fn inner_bounds(&self) -> Aabb {
         self.root.tree.bounds()

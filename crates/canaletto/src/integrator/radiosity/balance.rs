@@ -5,7 +5,7 @@ use super::RadiosityError;
 use super::hierarchical::means;
 use super::link::Link;
 use super::mesh::{NONE, PatchMesh};
-use crate::job::Observer;
+use crate::job::{Observer, SolvingPhase};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -130,10 +130,11 @@ pub(super) fn solve(
         .collect();
     light.radiance.resize(nodes, DVec3::ZERO);
     let (mut before, mut slow) = (f64::INFINITY, 0);
-    for _ in 0..MAX_BOUNCES {
+    for bounce in 0..MAX_BOUNCES {
         if observer.cancelled() {
             return Err(RadiosityError::Cancelled);
         }
+        mesh.tell(observer, SolvingPhase::Balance { bounce: bounce as u32 }, links.len());
         let radiance = &light.radiance;
         light.received = gathering.received(radiance);
         push(&parents, &mut light.received);

@@ -25,16 +25,17 @@ const MOST_POLYGONS: usize = 1024;
 /// The emitting sides of surfaces, as polygons of constant radiance.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Emitters {
-    polygons: Vec<Emitter>,
+    pub(super) polygons: Vec<Emitter>,
     /// The number of polygons, if they are too many to be lights.
     pub(super) excess: usize,
 }
 
+/// A polygon of constant radiance.
 #[derive(Clone, Debug)]
-struct Emitter {
+pub(super) struct Emitter {
     /// The surface, with the outline of the polygon.
-    root: Root,
-    radiance: DVec3,
+    pub(super) root: Root,
+    pub(super) radiance: DVec3,
 }
 
 impl Emitters {

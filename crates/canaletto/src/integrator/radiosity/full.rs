@@ -6,8 +6,9 @@ use super::hierarchical::{closed, given};
 use super::link::Link;
 use super::mesh::PatchMesh;
 use super::{Balanced, RadiosityError, RadiositySettings};
-use crate::job::Observer;
+use crate::job::{Observer, SolvingPhase};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The largest area of a patch, relative to all area times the squared wanted error.
 const PATCH_AREA: f64 = 2.5;
@@ -40,6 +41,7 @@ pub(super) fn full(
     let leaves: Vec<u32> =
         (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
     let this = &*mesh;
+    let found = AtomicUsize::new(0);
     let row = |number: usize| -> Vec<Link> {
         if observer.cancelled() {
             return Vec::new();
@@ -50,7 +52,10 @@ pub(super) fn full(
                 .filter(|exchange| exchange.factor > 0.0)
                 .map(|exchange| Link::between([p, q].map(|element| this.node(element)), &exchange))
         };
-        leaves[number + 1..].iter().filter_map(to).collect()
+        let links: Vec<Link> = leaves[number + 1..].iter().filter_map(to).collect();
+        let found = found.fetch_add(links.len(), Ordering::Relaxed) + links.len();
+        this.tell(observer, SolvingPhase::Links { round: 1, rounds: 1 }, found);
+        links
     };
     let links: Vec<Link> = (0..leaves.len()).into_par_iter().flat_map_iter(row).collect();
     let (light, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;

@@ -5,7 +5,7 @@ use super::balance::{Light, solve};
 use super::link::{Link, Refinement};
 use super::mesh::PatchMesh;
 use super::{Balanced, RadiosityError, RadiositySettings};
-use crate::job::Observer;
+use crate::job::{Observer, SolvingPhase};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -69,6 +69,7 @@ pub(super) fn given(
         if observer.cancelled() {
             return Err(RadiosityError::Cancelled);
         }
+        mesh.tell(observer, SolvingPhase::Lights, 0);
         let this = &*mesh;
         let found: Vec<_> = waiting
             .par_iter()
@@ -144,7 +145,9 @@ pub(super) fn hierarchical(
     let mut residual = 0.0;
     for (round, factor) in ROUNDS.into_iter().enumerate() {
         let limit = f64::from(settings.error) * LINK_SHARE * factor * reflected;
-        let mut refinement = Refinement { mesh, radiance: &mut light.radiance, deviation: &mut deviation, limit };
+        let phase = SolvingPhase::Links { round: round as u32 + 1, rounds: ROUNDS.len() as u32 };
+        let mut refinement =
+            Refinement { mesh, radiance: &mut light.radiance, deviation: &mut deviation, limit, phase };
         if round == 0 {
             refinement.link_all(vec![(0, 0)], &mut links, observer)?;
         } else {

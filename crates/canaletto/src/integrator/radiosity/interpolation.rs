@@ -29,11 +29,11 @@ struct Key {
 /// The vertices of all patches with their light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interpolation {
-    points: Vec<DVec3>,
-    light: Vec<ArrivingLight>,
+    pub(super) points: Vec<DVec3>,
+    pub(super) light: Vec<ArrivingLight>,
     /// For each patch, the first of its vertices in `boundary`; the last number is the number of all.
-    firsts: Vec<u32>,
-    boundary: Vec<u32>,
+    pub(super) firsts: Vec<u32>,
+    pub(super) boundary: Vec<u32>,
 }
 
 impl Interpolation {

@@ -6,7 +6,7 @@
 use super::RadiosityError;
 use super::exchange::{Effort, Exchange};
 use super::mesh::PatchMesh;
-use crate::job::Observer;
+use crate::job::{Observer, SolvingPhase};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -56,6 +56,8 @@ pub(super) struct Refinement<'a, 'w> {
     pub(super) deviation: &'a mut Vec<f64>,
     /// The largest error of a link, as power.
     pub(super) limit: f64,
+    /// The round, for observers.
+    pub(super) phase: SolvingPhase,
 }
 
 impl Refinement<'_, '_> {
@@ -82,6 +84,7 @@ impl Refinement<'_, '_> {
             if observer.cancelled() {
                 return Err(RadiosityError::Cancelled);
             }
+            self.mesh.tell(observer, self.phase, kept.len());
             let step = waiting.split_off(waiting.len().saturating_sub(STEP));
             let this = &*self;
             let decisions: Vec<Decision> = step.par_iter().with_min_len(16).map(|&pair| this.decide(pair)).collect();

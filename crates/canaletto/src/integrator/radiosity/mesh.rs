@@ -4,6 +4,7 @@ use super::cluster::{Cluster, clusters};
 use super::outline::{CELLS, Outline};
 use super::root::{Root, facets, roots, solids};
 use super::{RadiosityError, RadiositySettings};
+use crate::job::{Observer, SolvingPhase, SolvingProgress};
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::world::{Solids, World};
@@ -212,6 +213,11 @@ impl<'w> PatchMesh<'w> {
             let size = both.max - both.min;
             !both.is_empty() && size.cmple(cell * 1.5).all() && size.cmpgt(cell * 1e-3).any()
         })
+    }
+
+    /// Tells an observer about a phase of solving with this number of links.
+    pub(super) fn tell(&self, observer: &dyn Observer, phase: SolvingPhase, links: usize) {
+        observer.solving(&SolvingProgress { phase, patches: self.leaves as u64, links: links as u64 });
     }
 
     /// The number of a node for an element.

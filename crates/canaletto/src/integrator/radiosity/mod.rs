@@ -9,6 +9,7 @@
 //! - `hierarchical` refines `link`s between nodes of the mesh, and `balance` solves the equations over them.
 //! - `emitters` are the lights of the second pass. Their straight light is kept apart from other light of patches.
 //! - `shooting` and `full` solve them on a mesh of equal patches.
+//! - `file` writes and reads solutions, and `fingerprint` tells whether one still belongs to a scene.
 //!
 //! Deviations: moving objects stay where they are when the shutter opens. Materials count by their diffuse colour
 //! alone. Clear surfaces let light pass straight through, as shadow rays do.
@@ -18,6 +19,10 @@ mod cluster;
 mod cuts;
 mod emitters;
 mod exchange;
+mod file;
+#[cfg(test)]
+mod file_tests;
+mod fingerprint;
 mod full;
 mod hierarchical;
 mod interpolation;
@@ -33,13 +38,15 @@ mod sources;
 #[cfg(test)]
 mod tests;
 
+pub use file::SolutionFileError;
+pub use fingerprint::{ChangedInputs, SolutionFingerprint, SolutionInput};
 pub use measure::Measurement;
 pub(crate) use second_pass::PreparedRadiosity;
 pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};
 
 use crate::OutOfRange;
-use crate::job::Observer;
+use crate::job::{Observer, SolvingPhase, SolvingProgress};
 use crate::scene::{RadiosityMethod, RadiositySettings};
 use crate::world::World;
 use balance::Light;
@@ -135,6 +142,7 @@ fn balance_of(
     observer: &dyn Observer,
     watcher: &mut dyn ShootingWatcher,
 ) -> Result<RadiositySolution, RadiosityError> {
+    observer.solving(&SolvingProgress { phase: SolvingPhase::Patches, patches: 0, links: 0 });
     let mut mesh = PatchMesh::new(world, settings)?;
     if mesh.elements.is_empty() {
         return Err(RadiosityError::NoPatches);

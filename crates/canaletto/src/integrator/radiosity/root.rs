@@ -39,11 +39,11 @@ pub(super) struct Root {
     pub(super) normal: DVec3,
     pub(super) outline: Outline,
     /// The first three corners of two joined triangles.
-    joined: [DVec3; 3],
+    pub(super) joined: [DVec3; 3],
     /// A bound of the rounding error of points of the surface, in each coordinate.
-    error: Vec3,
+    pub(super) error: Vec3,
     /// The distance within which the exact surface lies.
-    reach: f64,
+    pub(super) reach: f64,
     /// The segments along which the surface was cut, and the distance within which points count as equal.
     pub(super) cuts: Arc<[[DVec3; 2]]>,
     pub(super) tolerance: f64,

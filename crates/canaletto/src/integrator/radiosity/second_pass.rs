@@ -10,10 +10,11 @@ use crate::scene::{RadiositySettings, RadiosityShow, Stage, WhittedSettings};
 use crate::world::{Hit, World};
 use glam::DVec3;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A solution with the part of it that is shown.
 struct ShownSolution {
-    solution: RadiositySolution,
+    solution: Arc<RadiositySolution>,
     show: RadiosityShow,
     /// The shadow rays to emitters at each hit.
     light_samples: u32,
@@ -59,22 +60,24 @@ pub(crate) struct PreparedRadiosity {
 }
 
 impl PreparedRadiosity {
-    /// Solves the balance of light. Breaks if the observer cancels.
+    /// Solves the balance of light, unless its solution is given. Breaks if the observer cancels.
     pub(crate) fn new(
         world: &World,
         settings: RadiositySettings,
+        solution: Option<Arc<RadiositySolution>>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), PreparedRadiosity>, JobError> {
-        let solution = match RadiositySolution::solve(world, &settings, observer) {
-            Ok(solution) => solution,
-            Err(RadiosityError::Cancelled) => return Ok(ControlFlow::Break(())),
-            Err(RadiosityError::NoThreads(problem)) => return Err(problem.into()),
-            Err(problem) => return Err(JobError::Radiosity(problem.to_string())),
+        let solution = match solution {
+            Some(solution) => solution,
+            None => match RadiositySolution::solve(world, &settings, observer) {
+                Ok(solution) => Arc::new(solution),
+                Err(RadiosityError::Cancelled) => return Ok(ControlFlow::Break(())),
+                Err(RadiosityError::NoThreads(problem)) => return Err(problem.into()),
+                Err(problem) => return Err(JobError::Radiosity(problem.to_string())),
+            },
         };
-        Ok(ControlFlow::Continue(PreparedRadiosity {
-            shown: ShownSolution { solution, show: settings.show, light_samples: settings.light_samples },
-            settings: second_pass(settings.show),
-        }))
+        let shown = ShownSolution { solution, show: settings.show, light_samples: settings.light_samples };
+        Ok(ControlFlow::Continue(PreparedRadiosity { shown, settings: second_pass(settings.show) }))
     }
 
     /// The classic integrator of one thread with the solution's light.

@@ -4,10 +4,10 @@
 use super::balance::Light;
 use super::exchange::Effort;
 use super::full::subdivide_evenly;
-use super::hierarchical::{given, means};
+use super::hierarchical::{Given, given, means};
 use super::mesh::PatchMesh;
-use super::{Balanced, RadiosityError, RadiositySettings};
-use crate::job::Observer;
+use super::{Balanced, RadiosityError, RadiositySettings, RadiositySolution};
+use crate::job::{Observer, SolvingPhase};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 const UNSENT: f64 = 0.1;
 
 /// The state after a step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct ShootingStep<'a> {
     /// The number of patches that have sent light.
@@ -26,6 +26,44 @@ pub struct ShootingStep<'a> {
     pub ambient: DVec3,
     /// The radiance of each patch with ambient light, in the order of the solution's patches.
     pub radiance: &'a [DVec3],
+    mesh: &'a PatchMesh<'a>,
+    given: &'a Given,
+    /// The patches, and the light that they received: all, and straight from emitting surfaces.
+    leaves: &'a [u32],
+    received: &'a [DVec3],
+    from_emitters: &'a [DVec3],
+}
+
+impl ShootingStep<'_> {
+    /// The solution after this step, with the ambient light added to the light of each patch.
+    pub fn solution(&self) -> RadiositySolution {
+        let received: Vec<DVec3> = self.received.iter().map(|light| *light + self.ambient).collect();
+        let light = light_of(self.mesh, self.leaves, self.radiance, &received, self.from_emitters);
+        let (given, links) = (self.given.clone(), self.step * self.leaves.len());
+        RadiositySolution::new(self.mesh, Balanced { given, light, residual: self.unsent, links })
+    }
+}
+
+/// The light of all nodes from that of the leaves.
+fn light_of(
+    mesh: &PatchMesh,
+    leaves: &[u32],
+    radiance: &[DVec3],
+    received: &[DVec3],
+    from_emitters: &[DVec3],
+) -> Light {
+    let at_nodes = |values: &[DVec3]| {
+        let mut all = vec![DVec3::ZERO; mesh.nodes()];
+        for (value, &number) in values.iter().zip(leaves) {
+            all[mesh.node(number) as usize] = *value;
+        }
+        all
+    };
+    Light {
+        radiance: means(mesh, at_nodes(radiance)),
+        received: at_nodes(received),
+        from_emitters: at_nodes(from_emitters),
+    }
 }
 
 /// A watcher of each step of shooting.
@@ -80,11 +118,22 @@ pub(super) fn shooting(
     let rest = loop {
         let left = mean(&|leaf| unsent[leaf]);
         let share = left.max_element() / mean(&|leaf| radiance[leaf]).max_element().max(f64::MIN_POSITIVE);
+        mesh.tell(observer, SolvingPhase::Shooting { step: steps as u64, unsent: share }, steps * leaves.len());
         if steps > 0 && watcher.watches() {
             let ambient = left * bounces;
             let shown: Vec<DVec3> =
                 (0..leaves.len()).map(|leaf| radiance[leaf] + element(leaf).reflectance * ambient).collect();
-            watcher.step(&ShootingStep { step: steps, unsent: share, ambient, radiance: &shown });
+            watcher.step(&ShootingStep {
+                step: steps,
+                unsent: share,
+                ambient,
+                radiance: &shown,
+                mesh,
+                given: &given,
+                leaves: &leaves,
+                received: &received,
+                from_emitters: &from_emitters,
+            });
         }
         if share * bounces.max_element() <= UNSENT * f64::from(settings.error) || left.max_element() == 0.0 {
             break share;
@@ -115,14 +164,7 @@ pub(super) fn shooting(
         }
         steps += 1;
     };
-    let none = vec![DVec3::ZERO; mesh.nodes()];
-    let mut light = Light { radiance: none.clone(), received: none.clone(), from_emitters: none };
-    for (leaf, &number) in leaves.iter().enumerate() {
-        light.radiance[mesh.node(number) as usize] = radiance[leaf];
-        light.received[mesh.node(number) as usize] = received[leaf];
-        light.from_emitters[mesh.node(number) as usize] = from_emitters[leaf];
-    }
-    light.radiance = means(mesh, light.radiance);
+    let light = light_of(mesh, &leaves, &radiance, &received, &from_emitters);
     Ok(Balanced { given, light, residual: rest, links: steps * leaves.len() })
 }
 

@@ -1,11 +1,12 @@
 //! Solutions: the light of all patches, found again by a point of a surface.
 
 use super::Balanced;
-use super::emitters::Emitters;
+use super::emitters::{Emitter, Emitters};
 use super::hierarchical::Given;
 use super::interpolation::Interpolation;
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
+use crate::world::World;
 use glam::DVec3;
 
 /// One side of a flat piece of surface with the same light everywhere.
@@ -97,24 +98,31 @@ const IN_BALL: f64 = 1.21;
 pub(super) struct SolvedElement {
     pub(super) outline: Outline,
     /// The ball around it.
-    ball: (DVec3, f64),
+    pub(super) center: DVec3,
+    pub(super) radius: f64,
     /// The first part, and the number of parts.
-    first: u32,
-    parts: u32,
+    pub(super) first: u32,
+    pub(super) parts: u32,
     /// The number of the patch, if there are no parts.
     pub(super) patch: u32,
 }
 
+/// Instance, primitive, side and part of a root, with its element.
+pub(super) type RootPlace = (u32, u32, bool, u32, u32);
+
 /// The balance of diffuse light in a world.
 #[derive(Clone, Debug)]
 pub struct RadiositySolution {
-    patches: Vec<Patch>,
-    outlines: Vec<Outline>,
-    elements: Vec<SolvedElement>,
-    interpolation: Interpolation,
+    pub(super) patches: Vec<Patch>,
+    pub(super) outlines: Vec<Outline>,
+    pub(super) elements: Vec<SolvedElement>,
+    pub(super) interpolation: Interpolation,
     pub(super) emitters: Emitters,
-    /// Instance, primitive, side and part of each root, with its element, in order.
-    roots: Vec<(u32, u32, bool, u32, u32)>,
+    /// The places of roots, in order.
+    pub(super) roots: Vec<RootPlace>,
+    /// The origin of the world's coordinates, and the number of its primitives.
+    pub(super) origin: DVec3,
+    pub(super) primitives: u64,
     /// The largest change by one more bounce, relative to all light.
     pub residual: f64,
     /// The number of links between nodes, or of pairs of patches.
@@ -144,7 +152,8 @@ impl RadiositySolution {
             let patch = if element.is_leaf() { patches.len() as u32 } else { NONE };
             elements.push(SolvedElement {
                 outline: element.outline,
-                ball: (element.center, element.radius),
+                center: element.center,
+                radius: element.radius,
                 first: element.first_part,
                 parts: element.parts,
                 patch,
@@ -177,10 +186,23 @@ impl RadiositySolution {
             outlines,
             elements,
             roots,
+            origin: mesh.world.origin(),
+            primitives: mesh.world.primitives(),
             residual,
             links,
             limit_reached: mesh.limit_reached,
         }
+    }
+
+    /// Whether the solution has the coordinates and the primitives of a world. If the fingerprints of both
+    /// scenes are equal too, it is the world's solution.
+    pub fn fits(&self, world: &World) -> bool {
+        let has_surface = |emitter: &Emitter| {
+            emitter.root.primitives.iter().all(|&primitive| world.has_primitive(emitter.root.instance, primitive))
+        };
+        self.origin == world.origin()
+            && self.primitives == world.primitives()
+            && self.emitters.polygons.iter().all(has_surface)
     }
 
     /// All patches.
@@ -216,11 +238,11 @@ impl RadiositySolution {
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {
         let key = (instance, primitive, is_outer, part);
-        let of = |root: &(u32, u32, bool, u32, u32)| (root.0, root.1, root.2, root.3);
+        let of = |root: &RootPlace| (root.0, root.1, root.2, root.3);
         let from = self.roots.partition_point(|root| of(root) < key);
         let count = self.roots[from..].partition_point(|root| of(root) == key);
         let roots = &self.roots[from..from + count];
-        let outline = |root: &(u32, u32, bool, u32, u32)| &self.elements[root.4 as usize].outline;
+        let outline = |root: &RootPlace| &self.elements[root.4 as usize].outline;
         // How far a point is outside an outline.
         let outside = |outline: &Outline| {
             let normal = outline.normal().unwrap_or(DVec3::Z);
@@ -231,13 +253,13 @@ impl RadiositySolution {
             [] => return None,
             [only] => only.4,
             several => {
-                let distance = |root: &&(u32, u32, bool, u32, u32)| {
+                let distance = |root: &&RootPlace| {
                     let (square, out) = outside(outline(root));
                     square + out.max(0.0) * out.max(0.0)
                 };
                 // Few facets of a curved surface have the point in the ball around them.
-                let is_near = |root: &&(u32, u32, bool, u32, u32)| {
-                    let SolvedElement { ball: (center, radius), .. } = &self.elements[root.4 as usize];
+                let is_near = |root: &&RootPlace| {
+                    let SolvedElement { center, radius, .. } = &self.elements[root.4 as usize];
                     center.distance_squared(point) <= radius * radius * IN_BALL
                 };
                 let nearest = |a: &&_, b: &&_| distance(a).total_cmp(&distance(b));
