@@ -26,7 +26,7 @@ fn picture(world: &World, job: &Job) -> Picture {
 fn causes_of(world: &World, job: &Job, other: impl Into<Integrator>) -> Causes {
     let other = Job { integrator: other.into(), ..job.clone() };
     let pictures = [job, &other].map(|job| picture(world, job));
-    let method = |job, picture| MethodPicture { job, picture };
+    let method = |job, picture| MethodPicture { job, picture, solution: None };
     let causes = find_causes(world, &method(job, &pictures[0]), &method(&other, &pictures[1]), TOLERANCE, &()).unwrap();
     assert!(causes.complete);
     let sum: u64 = Cause::ALL.iter().map(|cause| causes.count(*cause)).sum();
@@ -182,7 +182,7 @@ fn causes_agree_with_layers() {
     let other = picture(&world, &zbuffer);
     job.aovs = vec![Aov::ObjectId, Aov::Reflection, Aov::Refraction, Aov::Position];
     let own = picture(&world, &job);
-    let method = |job, picture| MethodPicture { job, picture };
+    let method = |job, picture| MethodPicture { job, picture, solution: None };
     let causes = find_causes(&world, &method(&job, &own), &method(&zbuffer, &other), TOLERANCE, &()).unwrap();
     let layer = |name: &str, pixel: usize| {
         let data = &own.layer(name).unwrap().data;

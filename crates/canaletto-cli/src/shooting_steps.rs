@@ -7,13 +7,48 @@ use crate::output::{Output, OutputFlags, numbered, unfit};
 use crate::output_format::Format;
 use crate::progress::{Style, emit};
 use crate::series::window;
+use crate::solutions::check_radiosity;
+use canaletto::Named;
 use canaletto::integrator::radiosity::{ShootingStep, ShootingWatcher};
 use canaletto::render::{Job, Observer, render_with_solution};
+use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings};
 use canaletto::world::World;
 use canaletto_io::picture::{EncodeSettings, Rendered};
+use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Flags about the steps of shooting.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct ShootingFlags {
+    /// Writes pictures after steps 1, 2, 4, 8, ... of the method "shooting", such as step.####.png
+    ///
+    /// Each # is a digit of the step's number. The light that isn't sent yet is shown as ambient light.
+    #[arg(long, value_name = "PATTERN", conflicts_with = "solution", help_heading = "Radiosity")]
+    pub shooting_steps: Option<PathBuf>,
+
+    /// Writes the pictures of --shooting-steps after every Nth step
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), requires = "shooting_steps", help_heading = "Radiosity")]
+    pub shooting_every: Option<u32>,
+}
+
+impl ShootingFlags {
+    /// Checks that the flags suit an integrator.
+    pub(crate) fn check_integrator(&self, scene: &str, integrator: &Integrator) -> Result<(), Failure> {
+        if self.shooting_steps.is_none() {
+            return Ok(());
+        }
+        check_radiosity("--shooting-steps", scene, integrator)?;
+        match integrator {
+            Integrator::Radiosity(RadiositySettings { method, .. }) if *method != RadiosityMethod::Shooting => {
+                Err(Failure::usage(format!("--shooting-steps: the method {} has no steps", method.name()))
+                    .help("add --set integrator.method=shooting"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
 
 /// The files of the pictures after steps.
 #[derive(Clone, Debug)]

@@ -7,8 +7,8 @@ use canaletto::Named;
 use canaletto::integrator::radiosity::{
     RadiosityError, RadiositySolution, ShootingWatcher, SolutionFileError, SolutionFingerprint,
 };
-use canaletto::render::{Job, Observer};
-use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings, Scene};
+use canaletto::render::{Job, JobError, Observer};
+use canaletto::scene::{Integrator, RadiositySettings, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FileId;
 use canaletto_io::picture::WriteOptions;
@@ -34,16 +34,22 @@ pub(crate) struct SolutionFlags {
     /// If the scene or the settings of radiosity changed since, a message says what did, and the exit code is 3.
     #[arg(long, value_name = "FILE", conflicts_with = "save_solution", help_heading = "Radiosity")]
     pub solution: Option<PathBuf>,
+}
 
-    /// Writes pictures after steps 1, 2, 4, 8, ... of the method "shooting", such as step.####.png
+/// A flag of commands that use a solution but save none.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct GivenSolutionFlags {
+    /// Reads the solution of radiosity from a file of `render --save-solution` instead of solving
     ///
-    /// Each # is a digit of the step's number. The light that isn't sent yet is shown as ambient light.
-    #[arg(long, value_name = "PATTERN", conflicts_with = "solution", help_heading = "Radiosity")]
-    pub shooting_steps: Option<PathBuf>,
+    /// If the scene or the settings of radiosity changed since, a message says what did, and the exit code is 3.
+    #[arg(long, value_name = "FILE", help_heading = "Radiosity")]
+    pub solution: Option<PathBuf>,
+}
 
-    /// Writes the pictures of --shooting-steps after every Nth step
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), requires = "shooting_steps", help_heading = "Radiosity")]
-    pub shooting_every: Option<u32>,
+impl From<&GivenSolutionFlags> for SolutionFlags {
+    fn from(flags: &GivenSolutionFlags) -> SolutionFlags {
+        SolutionFlags { save_solution: None, solution: flags.solution.clone() }
+    }
 }
 
 impl SolutionFlags {
@@ -52,27 +58,13 @@ impl SolutionFlags {
         match self {
             SolutionFlags { save_solution: Some(_), .. } => Some("--save-solution"),
             SolutionFlags { solution: Some(_), .. } => Some("--solution"),
-            SolutionFlags { shooting_steps: Some(_), .. } => Some("--shooting-steps"),
-            _ => None,
+            SolutionFlags { save_solution: None, solution: None } => None,
         }
     }
 
     /// Checks that the flags suit an integrator.
     pub(crate) fn check_integrator(&self, scene: &str, integrator: &Integrator) -> Result<(), Failure> {
-        if let Integrator::Radiosity(RadiositySettings { method, .. }) = integrator
-            && self.shooting_steps.is_some()
-            && *method != RadiosityMethod::Shooting
-        {
-            let method = method.name();
-            return Err(Failure::usage(format!("--shooting-steps: the method {method} has no steps"))
-                .help("add --set integrator.method=shooting"));
-        }
-        let Some(flag) = self.given().filter(|_| !matches!(integrator, Integrator::Radiosity(_))) else {
-            return Ok(());
-        };
-        let name = integrator.name();
-        Err(Failure::usage(format!("{flag} is for the integrator radiosity, and {scene} is rendered by {name}"))
-            .help("add --integrator radiosity"))
+        self.given().map_or(Ok(()), |flag| check_radiosity(flag, scene, integrator))
     }
 
     /// Checks before rendering that the solution can be saved, and that it and the pictures don't replace each other.
@@ -93,6 +85,16 @@ impl SolutionFlags {
         }
         check_files([file.clone()], file, no_clobber)
     }
+}
+
+/// Checks that a flag of radiosity suits an integrator.
+pub(crate) fn check_radiosity(flag: &str, scene: &str, integrator: &Integrator) -> Result<(), Failure> {
+    if let Integrator::Radiosity(_) = integrator {
+        return Ok(());
+    }
+    let name = integrator.name();
+    Err(Failure::usage(format!("{flag} is for the integrator radiosity, and {scene} is rendered by {name}"))
+        .help("add --integrator radiosity"))
 }
 
 /// Where the solution of a frame comes from.
@@ -194,7 +196,7 @@ impl Solutions {
         let solution = match RadiositySolution::solve_watched(world, settings, observer, watcher) {
             Ok(solution) => Arc::new(solution),
             Err(RadiosityError::Cancelled) => return Ok(None),
-            Err(problem) => return Err(Failure::new(Exit::Scene, format!("{name}: radiosity: {problem}"))),
+            Err(problem) => return Err(Failure::new(Exit::Scene, format!("{name}: {}", JobError::from(problem)))),
         };
         self.solves += 1;
         self.solve_time = start.elapsed();

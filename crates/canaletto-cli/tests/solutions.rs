@@ -158,7 +158,7 @@ fn no_output_is_lost() {
         let text = folder.says(&format!("render room.kdl {arguments}"), code, words);
         assert!(folder.bytes("room.kdl") == ROOM.as_bytes(), "{text}");
     };
-    wrong("--save-solution room.kdl", 2, &["room.kdl would replace a file that is read"]);
+    wrong("--save-solution room.kdl", 2, &["--save-solution room.kdl would replace a file that is read"]);
     wrong("-o a.png --save-solution a.png", 2, &["--save-solution and --output are both a.png"]);
     wrong("-o a.png --save-solution none/room.rad", 1, &["there is no folder none"]);
     wrong("-o a.png --save-solution .", 1, &["is a folder"]);
@@ -166,7 +166,7 @@ fn no_output_is_lost() {
     wrong("-o a.png --save-solution b.rad --solution c.rad", 2, &["cannot be used with"]);
     wrong("-o a.png --integrator whitted --save-solution b.rad", 2, &["is for the integrator radiosity"]);
     wrong("-o a.png --integrator zbuffer --solution b.rad", 3, &["can't read the solution b.rad"]);
-    wrong("room.kdl -o . --save-solution b.rad", 2, &["a solution belongs to one scene"]);
+    wrong("room.kdl -o . --save-solution b.rad", 2, &["--save-solution: it is for one scene"]);
     assert!(!folder.path("a.png").exists() && !folder.path("b.rad").exists());
     folder.says("render room.kdl -q -o a.png --save-solution b.rad", 0, &[]);
     let solution = folder.bytes("b.rad");
@@ -314,7 +314,7 @@ fn steps_replace_nothing_else() {
     // A step's picture would replace the texture.
     fs::write(folder.path("grain.1.png"), GRAIN).unwrap();
     folder.write("room.kdl", &ROOM.replace("grain.png", "grain.1.png"));
-    wrong("--shooting-steps grain.#.png", 2, &["would replace a file that is read"]);
+    wrong("--shooting-steps grain.#.png", 2, &["--shooting-steps grain.1.png would replace a file that is read"]);
     assert!(folder.bytes("grain.1.png") == GRAIN);
     fs::write(folder.path("s.1.png"), "old").unwrap();
     wrong("--shooting-steps s.#.png --no-clobber", 1, &["s.1.png exists already"]);
@@ -352,4 +352,32 @@ fn solving_can_be_stopped() {
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
     assert!(!folder.path("a.png").exists() && !folder.path("a.rad").exists() && !folder.path("a.partial.png").exists());
+}
+
+#[test]
+fn explanations_and_measurements_take_a_solution() {
+    let folder = Folder::new();
+    folder.says("render room.kdl -q -o a.png --save-solution a.rad", 0, &[]);
+    let explain = "explain room.kdl -p 8,9 --camera two --json";
+    let solved = folder.says(explain, 0, &["\"sum\""]);
+    assert_eq!(folder.says(&format!("{explain} --solution a.rad"), 0, &[]), solved);
+    folder.says(&format!("{explain} --solution a.rad --set integrator.error=0.3"), 3, &["the settings changed"]);
+    folder.says(&format!("{explain} --solution a.rad --integrator whitted"), 2, &["for the integrator radiosity"]);
+    folder.write("points.csv", "0 -0.9 0  0 1 0\n");
+    let measure = "measure room.kdl --points points.csv -q --rays 64";
+    let solved = folder.says(measure, 0, &["illuminance"]);
+    assert_eq!(folder.says(&format!("{measure} --solution a.rad"), 0, &[]), solved);
+    folder.says(&format!("{measure} --solution a.rad --set sphere.radius=0.31"), 3, &["the geometry changed"]);
+    let before = folder.bytes("a.rad");
+    folder.says(&format!("{measure} --solution a.rad -o a.rad"), 2, &["a.rad would replace a file that is read"]);
+    assert!(folder.bytes("a.rad") == before);
+}
+
+#[test]
+fn compared_methods_solve_once() {
+    let folder = Folder::new();
+    let compared = "compare-methods room.kdl --methods zbuffer,radiosity,whitted -o c.png --progress json";
+    let json = folder.says(compared, 0, &[]);
+    let begun = events(&json, "solving").iter().filter(|event| event["phase"] == "patches").count();
+    assert_eq!(begun, 1, "{json}");
 }

@@ -5,11 +5,13 @@ use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
 use crate::format::JSON_VERSION;
 use crate::settings::Settings;
+use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::print;
-use canaletto::explain::{PixelTree, explain};
+use canaletto::explain::{PixelTree, explain, explain_with_solution};
 use canaletto::math::Rgb;
 use canaletto::render::Job;
+use canaletto::scene::Integrator;
 use clap::Args;
 use serde::Serialize;
 
@@ -36,6 +38,8 @@ pub(crate) struct ExplainFlags {
 
     #[command(flatten)]
     pub picture: PictureFlags,
+    #[command(flatten)]
+    pub solution: GivenSolutionFlags,
 
     /// Prints JSON, with the sum of all terms as `sum`
     #[arg(long, help_heading = "Messages")]
@@ -77,6 +81,10 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+    let solution = SolutionFlags::from(&flags.solution);
+    solution.check_integrator(&source.name, &settings.job.integrator)?;
+    let mut solutions = Solutions::new(&solution, false)?;
+    let fingerprint = fingerprint(&source.scene, &settings.job).filter(|_| solution.given().is_some());
     let options = seen_through(&settings.camera, &source.scene, flags.source.build_options(0));
     let (world, _) = build(&source.name, source.scene, &options, None)?;
     let job = Job { frame, ..settings.job };
@@ -84,5 +92,14 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let [_, height] = job.camera.size();
     // A row outside the picture is not mirrored, so that the message shows the user's own number.
     let row = if flags.y_up && y < height { height - 1 - y } else { y };
-    explain(&world, &job, x, row).map_err(|e| Failure::usage(format!("--pixel: {e}")))
+    let explained = match (&fingerprint, &job.integrator) {
+        (Some(fingerprint), Integrator::Radiosity(settings)) => {
+            match solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())? {
+                Some((solution, _)) => explain_with_solution(&world, &job, &solution, x, row),
+                None => return Err(Failure::Reported(Exit::Interrupted)),
+            }
+        }
+        _ => explain(&world, &job, x, row),
+    };
+    explained.map_err(|e| Failure::usage(format!("--pixel: {e}")))
 }

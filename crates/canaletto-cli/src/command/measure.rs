@@ -6,9 +6,10 @@ use crate::flags::SourceFlags;
 use crate::format::{duration, plural};
 use crate::interrupt;
 use crate::output::{replaced, write_file};
+use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
-use canaletto::integrator::radiosity::{Measurement, RadiosityError, RadiositySolution};
+use canaletto::integrator::radiosity::{Measurement, SolutionFingerprint};
 use canaletto::render::Observer;
 use canaletto::scene::{Integrator, RadiositySettings};
 use clap::Args;
@@ -36,6 +37,9 @@ pub(crate) struct MeasureFlags {
     #[arg(short, long, value_name = "FILE", default_value = "-", help_heading = "Output")]
     pub output: PathBuf,
 
+    #[command(flatten)]
+    pub solution: GivenSolutionFlags,
+
     /// Sets the number of rays from each point
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=16_777_216), help_heading = "Sampling")]
     pub rays: u32,
@@ -61,7 +65,8 @@ luminance of the irradiance (Rec. 709): lux, if the lights are photometric.
 Examples:
   canaletto measure scenes/cornell-box.kdl --points desk.csv -o desk-light.csv
   printf '2.78 1 2.8  0 1 0\\n' | canaletto measure scenes/cornell-box.kdl --points -
-  canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384";
+  canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384
+  canaletto measure scenes/cornell-box.kdl --points desk.csv --solution cornell.rad";
 
 /// The header of the output.
 const HEADER: &str = "x,y,z,nx,ny,nz,irradiance_r,irradiance_g,irradiance_b,illuminance,\
@@ -92,7 +97,9 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }
+    let solution_file = || flags.solution.solution.as_ref().and_then(|file| same_file(&flags.output, file));
     let input = reader.replaced_by([flags.output.clone()]).or_else(|| same_file(&flags.output, &flags.points));
+    let input = input.or_else(solution_file);
     if let Some(file) = input {
         return Err(replaced("--output", &file));
     }
@@ -100,14 +107,14 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
         Integrator::Radiosity(settings) => settings,
         _ => RadiositySettings::default(),
     };
+    let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
+    let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
+    solutions.check(&fingerprint)?;
     let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
     let _measuring = interrupt::Rendering;
     interrupt::Rendering::begins();
-    let solution = match RadiositySolution::solve(&world, &settings, &Signals) {
-        Ok(solution) => solution,
-        Err(RadiosityError::Cancelled) => return Ok(Exit::Interrupted),
-        Err(problem) => return Err(Failure::new(Exit::Scene, format!("{}: {problem}", source.name))),
-    };
+    let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
+    let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
     let mut text = String::from(HEADER);
     let mut done = 0;
     for chunk in points.chunks(CHUNK) {

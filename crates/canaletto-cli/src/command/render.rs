@@ -12,7 +12,7 @@ use crate::partial::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
 use crate::settings::{Settings, list, sampling_words};
-use crate::shooting_steps::StepPictures;
+use crate::shooting_steps::{ShootingFlags, StepPictures};
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::stdout::print;
@@ -45,6 +45,8 @@ pub(crate) struct RenderFlags {
     pub picture: PictureFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
+    #[command(flatten)]
+    pub shooting: ShootingFlags,
 
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
     ///
@@ -194,12 +196,12 @@ impl Plan {
 
 /// The pictures after steps of shooting.
 fn steps(flags: &RenderFlags, output: &Output, frames: Frames) -> Result<Option<StepPictures>, Failure> {
-    let Some(pattern) = &flags.solution.shooting_steps else { return Ok(None) };
+    let Some(pattern) = &flags.shooting.shooting_steps else { return Ok(None) };
     if frames.count() > 1 {
         return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
             .help(format!("give one of them, such as --frames {}", frames.first)));
     }
-    let steps = StepPictures::new(pattern, flags.solution.shooting_every, &flags.output)?;
+    let steps = StepPictures::new(pattern, flags.shooting.shooting_every, &flags.output)?;
     let other = [Some(output.path(frames.first)), flags.solution.save_solution.clone()];
     match other.into_iter().flatten().find(|file| steps.is_name(file)) {
         Some(file) => {
@@ -290,8 +292,8 @@ fn in_folder(flags: &RenderFlags, folder: &Path, scene: &Path) -> PathBuf {
 fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let json = flags.progress == ProgressFlag::Json;
     let folder = flags.output.output.as_deref();
-    if let Some(flag) = flags.solution.given() {
-        return Err(Failure::usage(format!("{flag}: a solution belongs to one scene, but there are several")));
+    if let Some(flag) = flags.solution.given().or(flags.shooting.shooting_steps.as_ref().map(|_| "--shooting-steps")) {
+        return Err(Failure::usage(format!("{flag}: it is for one scene, but there are several")));
     }
     if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
         return Err(Failure::usage(format!(
@@ -370,11 +372,17 @@ fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result
     let [_, _, width, height] = settings.job.window();
     settings.check_pixels()?;
     flags.solution.check_integrator(&source.name, &settings.job.integrator)?;
+    flags.shooting.check_integrator(&source.name, &settings.job.integrator)?;
     let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
     solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
     room(&plan.aovs, [width, height])?;
     if let Some(file) = reader.replaced_by(outputs.iter().cloned()) {
-        return Err(replaced("--output", &file));
+        let flag = match &flags.solution.save_solution {
+            Some(solution) if *solution == file => "--save-solution",
+            _ if plan.steps.as_ref().is_some_and(|steps| steps.is_name(&file)) => "--shooting-steps",
+            _ => "--output",
+        };
+        return Err(replaced(flag, &file));
     }
     if plan.frames.count() > 1 && !reader.timeline().moves && !flags.quiet {
         print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);

@@ -10,6 +10,7 @@ mod terms;
 
 use crate::explain::{ExplainError, ExplainWorker, PreparedExplainer};
 use crate::film::{Developer, Picture};
+use crate::integrator::radiosity::RadiositySolution;
 use crate::job::{Job, JobError, Observer, Progress};
 use crate::math::Rgb;
 use crate::named;
@@ -20,7 +21,7 @@ use pixel::{Judge, PixelCause};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The cause of a difference between the pixels of two integrators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -76,6 +77,8 @@ pub struct MethodPicture<'a> {
     pub job: &'a Job,
     /// The picture, complete.
     pub picture: &'a Picture,
+    /// The solution of radiosity that it shows, if that is kept.
+    pub solution: Option<&'a Arc<RadiositySolution>>,
 }
 
 /// A pixel that is an example of a cause.
@@ -153,6 +156,7 @@ pub fn find_causes(
     let [_, _, width, height] = reference.job.window();
     for method in [reference, other] {
         method.job.check()?;
+        method.solution.map_or(Ok(()), |solution| solution.check(world, method.job))?;
         assert_eq!(method.job.window(), reference.job.window(), "both methods show one window");
         assert_eq!([method.picture.width, method.picture.height], [width, height], "pictures have their window's size");
     }
@@ -163,8 +167,8 @@ pub fn find_causes(
     let judge = Judge { developer, tolerance, camera: &reference.job.camera, other: &other.job.integrator };
     with_stack(stack, || {
         let mut explainers = Vec::new();
-        for job in &jobs {
-            match PreparedExplainer::new(world, job, observer)? {
+        for (job, method) in jobs.iter().zip([reference, other]) {
+            match PreparedExplainer::new(world, job, method.solution, observer)? {
                 ControlFlow::Continue(explainer) => explainers.push(explainer),
                 ControlFlow::Break(()) => return Ok(Causes::unfinished([width, height])),
             }

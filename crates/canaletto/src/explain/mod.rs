@@ -14,12 +14,14 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
+use crate::integrator::radiosity::RadiositySolution;
 pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use crate::render::{Job, JobError, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 pub(crate) use prepared::{ExplainWorker, PreparedExplainer};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// The reason why a pixel can't be explained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -56,6 +58,30 @@ const MAX_RAYS: u64 = 1 << 20;
 /// # Errors
 /// [`ExplainError`] if the pixel is outside the picture, has too many rays, or the job has an error.
 pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
+    explain_given(world, job, None, [x, y])
+}
+
+/// Explains a pixel as [`explain`] does, with a solution of radiosity that is already found.
+///
+/// # Errors
+/// As [`explain`], and as [`render_with_solution`](crate::render::render_with_solution).
+pub fn explain_with_solution(
+    world: &World,
+    job: &Job,
+    solution: &Arc<RadiositySolution>,
+    x: u32,
+    y: u32,
+) -> Result<PixelTree, ExplainError> {
+    solution.check(world, job)?;
+    explain_given(world, job, Some(solution), [x, y])
+}
+
+fn explain_given(
+    world: &World,
+    job: &Job,
+    solution: Option<&Arc<RadiositySolution>>,
+    [x, y]: [u32; 2],
+) -> Result<PixelTree, ExplainError> {
     job.check()?;
     let [width, height] = job.camera.size();
     if x >= width || y >= height {
@@ -63,14 +89,19 @@ pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, Ex
     }
     let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
-    with_stack(stack_of(world, job), || record(world, job, [x, y])).map_err(JobError::from)?
+    with_stack(stack_of(world, job), || record(world, job, solution, [x, y])).map_err(JobError::from)?
 }
 
-fn record(world: &World, job: &Job, [x, y]: [u32; 2]) -> Result<PixelTree, ExplainError> {
+fn record(
+    world: &World,
+    job: &Job,
+    solution: Option<&Arc<RadiositySolution>>,
+    [x, y]: [u32; 2],
+) -> Result<PixelTree, ExplainError> {
     // Only what the pixel needs is prepared.
     let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
     job.film.crop = Some([x, y, 1, 1]);
-    let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, &())? else {
+    let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, solution, &())? else {
         return Err(ExplainError::Cancelled);
     };
     ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).listing_rivals().pixel([x, y])

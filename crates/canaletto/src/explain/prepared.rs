@@ -3,6 +3,7 @@
 use super::record::Recorder;
 use super::{ExplainError, PixelTree};
 use crate::film::WeightedSum;
+use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{
     Cancelled, PreparedRadiosity, Probe, RayIntegrator, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
 };
@@ -12,6 +13,7 @@ use crate::sampler::FrameSampler;
 use crate::scene::{Integrator, WhittedSettings};
 use crate::world::World;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A job whose pixels can be explained. The camera is relative to the world's origin.
 pub(crate) struct PreparedExplainer<'w> {
@@ -28,18 +30,19 @@ enum Prepared<'w> {
 }
 
 impl<'w> PreparedExplainer<'w> {
-    /// Prepares the job's integrator. Breaks if cancelled.
+    /// Prepares the job's integrator. A solution of radiosity that is given isn't solved. Breaks if cancelled.
     ///
     /// # Errors
     /// [`JobError`] as from a render.
     pub(crate) fn new(
         world: &'w World,
         job: &'w Job,
+        solution: Option<&Arc<RadiositySolution>>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
         let prepared = match job.integrator {
             Integrator::Whitted(settings) => ControlFlow::Continue(Prepared::Whitted(settings)),
-            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, None, observer)?
+            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
                 .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity))),
             Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
                 .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),

@@ -10,7 +10,6 @@ mod tests;
 pub use crate::job::{Aov, Job, JobError, Observer, Progress, SolvingPhase, SolvingProgress};
 pub(crate) use pixel::PixelRenderer;
 
-use crate::Named;
 use crate::film::{Picture, TileBuffer};
 use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{Counts, PreparedRadiosity, TileIntegrator, Zbuffer};
@@ -63,12 +62,7 @@ pub fn render_with_solution(
     solution: &Arc<RadiositySolution>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
-    if !matches!(job.integrator, Integrator::Radiosity(_)) {
-        return Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name())));
-    }
-    if !solution.fits(world) {
-        return Err(JobError::Radiosity("the solution is one of another scene".into()));
-    }
+    solution.check(world, job)?;
     render_given(world, job, Some(solution), observer)
 }
 

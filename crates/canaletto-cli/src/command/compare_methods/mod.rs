@@ -20,8 +20,9 @@ use crate::stdout::{print, print_json};
 use canaletto::Named;
 use canaletto::causes::{Cause, Causes, MethodPicture, find_causes};
 use canaletto::film::Picture;
+use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution};
 use canaletto::memory;
-use canaletto::render::{Job, JobError, render};
+use canaletto::render::{Job, JobError, Rendering, render, render_with_solution};
 use canaletto::scene::{Integrator, Transfer};
 use canaletto::world::World;
 use canaletto_io::picture::{EncodeSettings, PictureFormat, Rendered, decode_srgb};
@@ -30,6 +31,7 @@ use cause_picture::cause_picture;
 use clap::Args;
 use report::MethodsReport;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Renders a scene by several methods, and shows in a picture why they differ.
@@ -208,9 +210,9 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         }
     }
     let work = MethodsWork { flags, name: &source.name, world: &world, output: &output, format };
-    let pictures = work.render(&methods)?;
+    let (pictures, solution) = work.render(&methods)?;
     let reference = reference(&methods);
-    let comparisons = work.compare(&methods, &pictures, reference)?;
+    let comparisons = work.compare(&methods, &pictures, solution.as_ref(), reference)?;
     let shown = cause_picture(
         &source.name,
         methods[reference].integrator.name(),
@@ -283,12 +285,19 @@ struct MethodsWork<'a> {
 }
 
 impl MethodsWork<'_> {
-    /// Renders and writes the picture of each method.
-    fn render(&self, methods: &[Method]) -> Result<Vec<Picture>, Failure> {
-        let mut pictures = Vec::new();
+    /// Renders and writes the picture of each method. Returns the pictures, and the solution of radiosity.
+    fn render(&self, methods: &[Method]) -> Result<(Vec<Picture>, Option<Arc<RadiositySolution>>), Failure> {
+        let (mut pictures, mut solution) = (Vec::new(), None);
         for method in methods {
-            let rendering =
-                self.watched(method.integrator.name(), &method.job, |watch| render(self.world, &method.job, watch))?;
+            let Method { integrator, job, .. } = method;
+            let rendering = self.watched(integrator.name(), job, |watch| {
+                let Integrator::Radiosity(settings) = &job.integrator else { return render(self.world, job, watch) };
+                match RadiositySolution::solve(self.world, settings, watch) {
+                    Ok(solved) => render_with_solution(self.world, job, solution.insert(Arc::new(solved)), watch),
+                    Err(RadiosityError::Cancelled) => Ok(Rendering::unfinished(self.world, job)),
+                    Err(problem) => Err(problem.into()),
+                }
+            })?;
             if !rendering.complete {
                 return Err(interrupted());
             }
@@ -298,7 +307,7 @@ impl MethodsWork<'_> {
             self.output.write(&method.file, &bytes.map_err(|e| unfit(&e))?)?;
             pictures.push(rendering.picture);
         }
-        Ok(pictures)
+        Ok((pictures, solution))
     }
 
     /// Finds why each method's picture differs from the reference.
@@ -306,9 +315,14 @@ impl MethodsWork<'_> {
         &self,
         methods: &[Method],
         pictures: &[Picture],
+        solution: Option<&Arc<RadiositySolution>>,
         reference: usize,
     ) -> Result<Vec<MethodComparison>, Failure> {
-        let of = |index: usize| MethodPicture { job: &methods[index].job, picture: &pictures[index] };
+        let of = |index: usize| {
+            let job = &methods[index].job;
+            let solution = solution.filter(|_| matches!(job.integrator, Integrator::Radiosity(_)));
+            MethodPicture { job, picture: &pictures[index], solution }
+        };
         let mut comparisons = Vec::new();
         for index in (0..methods.len()).filter(|index| *index != reference) {
             let method = methods[index].integrator.name();

@@ -46,7 +46,7 @@ pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};
 
 use crate::OutOfRange;
-use crate::job::{Observer, SolvingPhase, SolvingProgress};
+use crate::job::{JobError, Observer, SolvingPhase, SolvingProgress};
 use crate::scene::{RadiosityMethod, RadiositySettings};
 use crate::world::World;
 use balance::Light;
@@ -93,6 +93,15 @@ pub enum RadiosityError {
     /// Threads with enough stack can't be started.
     #[error(transparent)]
     NoThreads(#[from] NoThreads),
+}
+
+impl From<RadiosityError> for JobError {
+    fn from(problem: RadiosityError) -> JobError {
+        match problem {
+            RadiosityError::NoThreads(problem) => problem.into(),
+            problem => JobError::Radiosity(problem.to_string()),
+        }
+    }
 }
 
 /// What a method found.

@@ -72,8 +72,7 @@ impl PreparedRadiosity {
             None => match RadiositySolution::solve(world, &settings, observer) {
                 Ok(solution) => Arc::new(solution),
                 Err(RadiosityError::Cancelled) => return Ok(ControlFlow::Break(())),
-                Err(RadiosityError::NoThreads(problem)) => return Err(problem.into()),
-                Err(problem) => return Err(JobError::Radiosity(problem.to_string())),
+                Err(problem) => return Err(problem.into()),
             },
         };
         let shown = ShownSolution { solution, show: settings.show, light_samples: settings.light_samples };

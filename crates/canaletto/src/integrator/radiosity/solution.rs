@@ -6,6 +6,9 @@ use super::hierarchical::Given;
 use super::interpolation::Interpolation;
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
+use crate::Named;
+use crate::job::{Job, JobError};
+use crate::scene::Integrator;
 use crate::world::World;
 use glam::DVec3;
 
@@ -203,6 +206,15 @@ impl RadiositySolution {
         self.origin == world.origin()
             && self.primitives == world.primitives()
             && self.emitters.polygons.iter().all(has_surface)
+    }
+
+    /// Checks that the solution can be that of a job in a world.
+    pub(crate) fn check(&self, world: &World, job: &Job) -> Result<(), JobError> {
+        match job.integrator {
+            Integrator::Radiosity(_) if self.fits(world) => Ok(()),
+            Integrator::Radiosity(_) => Err(JobError::Radiosity("the solution is one of another scene".into())),
+            _ => Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name()))),
+        }
     }
 
     /// All patches.
