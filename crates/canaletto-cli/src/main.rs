@@ -37,7 +37,7 @@ mod terminal;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
-use command::{check, compare, compare_methods, completions, explain, form_factor, info, man, measure, render};
+use command::{bake, check, compare, compare_methods, completions, explain, form_factor, info, man, measure, render};
 use exit::Exit;
 use failure::Failure;
 use std::io::Write;
@@ -85,6 +85,7 @@ enum Command {
     Explain(Box<explain::ExplainFlags>),
     FormFactor(form_factor::FormFactorFlags),
     Measure(measure::MeasureFlags),
+    Bake(bake::BakeFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -125,6 +126,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Explain(flags) => explain::run(flags),
         Command::FormFactor(flags) => form_factor::run(flags),
         Command::Measure(flags) => measure::run(flags),
+        Command::Bake(flags) => bake::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),
@@ -140,6 +142,7 @@ impl Command {
         let progress = match self {
             Command::Render(flags) => flags.progress,
             Command::CompareMethods(flags) => flags.progress,
+            Command::Bake(flags) => flags.progress,
             _ => return false,
         };
         progress == progress::ProgressFlag::Json

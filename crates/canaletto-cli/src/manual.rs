@@ -32,6 +32,7 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies`: BVHs of meshes and clouds (`kept` from the frame before, `refitted`, `built`), `solution` of radiosity (`solved`, `kept` from another frame, `read`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
 | `interrupted` | a film was stopped; its frames so far are kept in a file beside it | `frames`: their number, `files` |
 | `finished` | all frames of `--frames` are complete | `frames`, `rendered`, `skipped`, `solves` (of radiosity), `seconds` |
+| `baked` | `bake` has written its files | `files`, `patches`, `triangles`, `charts`, `size` (of the light map), `texels_per_unit`, `coarse` (texels are larger than half a patch), `patch_limit_reached`, `clipped_planes`, `seconds` |
 | `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
 
 ";

@@ -15,7 +15,7 @@ use canaletto_io::picture::{
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 fn output_help() -> String {
@@ -306,6 +306,19 @@ pub(crate) fn write_with(
     write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
 ) -> Result<(), Failure> {
     write_atomically(path, options, write).map_err(wrong)
+}
+
+/// Writes files that belong together. None of them appears before all are complete.
+pub(crate) fn write_files(files: &[PathBuf], contents: &[Vec<u8>], no_clobber: bool) -> Result<(), Failure> {
+    let options = WriteOptions { no_clobber, durable: false };
+    let mut written = Vec::new();
+    for (path, bytes) in files.iter().zip(contents) {
+        let file = AtomicFile::begin(path, options).map_err(wrong)?;
+        let done = file.handle().map(|mut out| out.write_all(bytes).and_then(|()| out.flush()));
+        done.map_err(wrong)?.map_err(|reason| wrong(file.failed(reason)))?;
+        written.push(file);
+    }
+    written.into_iter().try_for_each(|file| file.commit().map_err(wrong))
 }
 
 /// Writes a complete file or nothing; `-` is the standard output. Removes temporary files that a killed program left

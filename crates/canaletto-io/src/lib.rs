@@ -7,6 +7,7 @@ mod animation;
 pub mod assets;
 pub mod content;
 pub mod diagnostic;
+pub mod export;
 mod guard;
 pub mod image;
 pub mod import;

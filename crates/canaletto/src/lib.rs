@@ -39,6 +39,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+pub mod bake;
 pub mod camera;
 pub mod causes;
 pub mod diagnose;

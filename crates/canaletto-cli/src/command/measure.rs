@@ -3,7 +3,7 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::SourceFlags;
-use crate::format::{duration, plural};
+use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::output::{replaced, write_file};
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
@@ -139,8 +139,12 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if !flags.quiet {
         let place =
             if flags.output == Path::new("-") { String::new() } else { format!("{}: ", flags.output.display()) };
-        let (points, patches) = (plural(done as u64, "point"), plural(solution.patches().len() as u64, "patch"));
-        eprint_line(&format!("{place}{points}, {} rays each, {patches}, {}", flags.rays, duration(begun.elapsed())));
+        let (points, patches) = (plural(done as u64, "point"), count(solution.patches().len() as u64));
+        eprint_line(&format!(
+            "{place}{points}, {} rays each, {patches} patches, {}",
+            flags.rays,
+            duration(begun.elapsed())
+        ));
     }
     if done < points.len() {
         eprint_line(&format!("stopped: {} of {} points were measured", done, points.len()));

@@ -1,5 +1,6 @@
 //! The subcommands. Each file holds one command with its flags and its help.
 
+pub(crate) mod bake;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod compare_methods;

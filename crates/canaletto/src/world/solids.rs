@@ -209,7 +209,9 @@ impl<'w> Solids<'w> {
         let at = point.as_vec3();
         let error = rounding(at).max(Vec3::splat(at.abs().max_element() * TOUCHING));
         let [below, above] = [-normal, normal].map(|side| crate::math::offset_origin(at, error, normal, side));
-        if self.around(above).into_iter().any(|solid| !self.is_hollow(solid)) {
+        // A facet of a curved body lies inside that body, which doesn't cover it.
+        let own = self.of(instance, primitive);
+        if self.around(above).into_iter().any(|solid| Some(solid) != own && !self.is_hollow(solid)) {
             return true;
         }
         let ray = Ray { origin: below, direction: above - below };

@@ -60,6 +60,8 @@ impl RadiositySolution {
             elements,
             interpolation: Interpolation { points, light, firsts, boundary },
             emitters: Emitters { polygons, excess },
+            // Light maps are made of solutions that were just solved.
+            solved_roots: _,
             roots,
             origin,
             primitives,
@@ -130,6 +132,7 @@ impl RadiositySolution {
             elements,
             interpolation,
             emitters: Emitters { polygons, excess },
+            solved_roots: Vec::new(),
             roots,
             origin,
             primitives,

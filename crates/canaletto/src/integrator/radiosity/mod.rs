@@ -34,6 +34,7 @@ mod root;
 mod second_pass;
 mod shooting;
 mod solution;
+mod solved_root;
 mod sources;
 #[cfg(test)]
 mod tests;
@@ -44,6 +45,7 @@ pub use measure::Measurement;
 pub(crate) use second_pass::PreparedRadiosity;
 pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};
+pub(crate) use solved_root::SolvedRoot;
 
 use crate::OutOfRange;
 use crate::job::{JobError, Observer, SolvingPhase, SolvingProgress};

@@ -6,6 +6,7 @@ use super::hierarchical::Given;
 use super::interpolation::Interpolation;
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
+use super::solved_root::SolvedRoot;
 use crate::Named;
 use crate::job::{Job, JobError};
 use crate::scene::Integrator;
@@ -121,6 +122,8 @@ pub struct RadiositySolution {
     pub(super) elements: Vec<SolvedElement>,
     pub(super) interpolation: Interpolation,
     pub(super) emitters: Emitters,
+    /// The roots, with what light maps need of them; none in a solution that was read from a file.
+    pub(super) solved_roots: Vec<SolvedRoot>,
     /// The places of roots, in order.
     pub(super) roots: Vec<RootPlace>,
     /// The origin of the world's coordinates, and the number of its primitives.
@@ -138,6 +141,7 @@ impl RadiositySolution {
     pub(super) fn new(mesh: &PatchMesh, balanced: Balanced) -> RadiositySolution {
         let Balanced { given: Given { mut lit, mut sky, .. }, light, residual, links } = balanced;
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut solved_roots = Vec::new();
         for (number, element) in mesh.elements.iter().enumerate() {
             let node = mesh.clusters.len() + number;
             let root = &mesh.roots[element.root as usize];
@@ -146,6 +150,7 @@ impl RadiositySolution {
                 lit[node] += above;
                 sky[node] += sky_above;
             } else {
+                solved_roots.push(SolvedRoot::new(root, number as u32));
                 let [first, second] = root.primitives;
                 roots.push((root.instance, first, root.is_outer, root.part, number as u32));
                 if second != first {
@@ -188,6 +193,7 @@ impl RadiositySolution {
             patches,
             outlines,
             elements,
+            solved_roots,
             roots,
             origin: mesh.world.origin(),
             primitives: mesh.world.primitives(),
@@ -244,8 +250,13 @@ impl RadiositySolution {
         point: DVec3,
     ) -> Option<ArrivingLight> {
         let number = self.patch_at(instance, primitive, part, is_outer, point)?;
+        Some(self.interpolated(number, point))
+    }
+
+    /// The light at a point of a patch.
+    pub(super) fn interpolated(&self, number: usize, point: DVec3) -> ArrivingLight {
         let patch = &self.patches[number];
-        Some(self.interpolation.at(number, patch.center, &patch.arriving(), point))
+        self.interpolation.at(number, patch.center, &patch.arriving(), point)
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {
@@ -261,7 +272,7 @@ impl RadiositySolution {
             let height = (point - outline.center()).dot(normal);
             (height * height, -outline.depth(point - normal * height))
         };
-        let mut element = match roots {
+        let element = match roots {
             [] => return None,
             [only] => only.4,
             several => {
@@ -279,10 +290,15 @@ impl RadiositySolution {
                 near.or_else(|| several.iter().min_by(nearest))?.4
             }
         };
+        Some(self.leaf_of(element, point))
+    }
+
+    /// The part of an element that is nearest to a point and has no parts itself.
+    pub(super) fn leaf_of(&self, mut element: u32, point: DVec3) -> u32 {
         loop {
             let SolvedElement { outline, first, parts, .. } = &self.elements[element as usize];
             if *parts == 0 {
-                return Some(element);
+                return element;
             }
             element = first + outline.part_at(point) as u32;
         }

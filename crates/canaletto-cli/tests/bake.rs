@@ -1,0 +1,149 @@
+//! Tests of `canaletto bake`: its files, its messages, and the classic pictures that they are read back into.
+
+use canaletto_io::picture::decode;
+use serde_json::Value;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A room with a lamp and a block.
+const ROOM: &str = r#"
+camera { eye 0 0.2 0.9; center 0 -0.2 -1; up 0 1 0; fovy 60; size 24 16; near 0.1; far 10 }
+integrator "radiosity" { error 0.1; show "solution" }
+background 0
+ambient 0
+material "wall" { kd 0.6 0.5 0.4 }
+material "lamp" { kd 0; emission 4 }
+box material="wall" name="room" { min -1 -1 -1; max 1 1 1 }
+box material="lamp" name="lamp" { min -0.3 0.8 -0.3; max 0.3 0.9 0.3 }
+box material="wall" name="block" { min -0.5 -1 -0.5; max 0 -0.4 0 }
+"#;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        let folder = Folder(tempfile::tempdir().unwrap());
+        fs::write(folder.path("room.kdl"), ROOM).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn run(&self, arguments: &str) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
+        command.args(arguments.split_whitespace()).current_dir(self.0.path()).output().unwrap()
+    }
+
+    /// Asserts the exit code, and that the output contains these words.
+    #[track_caller]
+    fn says(&self, arguments: &str, code: i32, words: &[&str]) {
+        let output = self.run(arguments);
+        let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
+    }
+
+    /// The names of all files except the scene.
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.retain(|name| name != "room.kdl");
+        names.sort();
+        names
+    }
+
+    /// The JSON of a GLB file.
+    fn json(&self, name: &str) -> Value {
+        let bytes = fs::read(self.path(name)).unwrap();
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        serde_json::from_slice(&bytes[20..20 + length]).unwrap()
+    }
+}
+
+#[test]
+fn files_of_all_formats() {
+    let folder = Folder::new();
+    folder.says("bake room.kdl", 0, &["room.glb: ", " patches, ", "light map ", " texels per unit"]);
+    assert_eq!(folder.names(), ["room.glb"]);
+    let names: Vec<String> =
+        folder.json("room.glb")["nodes"].as_array().unwrap().iter().map(|n| n["name"].to_string()).collect();
+    assert_eq!(names, ["\"room\"", "\"lamp\"", "\"block\"", "\"camera\""]);
+    let first = fs::read(folder.path("room.glb")).unwrap();
+    for threads in ["1", "2", "3"] {
+        folder.says(&format!("bake room.kdl -q --threads {threads}"), 0, &[]);
+        assert!(fs::read(folder.path("room.glb")).unwrap() == first, "{threads} threads");
+    }
+    folder.says("bake room.kdl --maps light -o a.glb --size 128", 0, &["a.glb: ", "a.light.exr: ", "128 x 128"]);
+    folder.says("bake room.kdl -o b.OBJ --texels-per-unit 10 -q", 0, &[]);
+    let all = ["a.glb", "a.light.exr", "b.OBJ", "b.light.exr", "b.mtl", "b.png", "room.glb"];
+    assert_eq!(folder.names(), all);
+    let light = decode(&fs::read(folder.path("a.light.exr")).unwrap()).unwrap().image;
+    assert_eq!((light.width, light.height), (128, 128));
+    assert_eq!(folder.json("a.glb")["materials"][0]["extras"]["lightMap"]["file"], "a.light.exr");
+}
+
+/// The texture of an OBJ in even ambient light is shown as it is. The picture is the one that the solution makes.
+#[test]
+fn an_obj_shows_the_solution() {
+    let folder = Folder::new();
+    folder.says("bake room.kdl -o baked.obj -q --size 512", 0, &[]);
+    folder.says("render room.kdl -o solution.png -q --size 120x80", 0, &[]);
+    let view = ROOM.lines().find(|line| line.starts_with("camera")).unwrap();
+    let shown = format!(
+        "{view}\nbackground 0\nambient 1\ntexture \"baked\" file=\"baked.png\"\n\
+         material \"baked\" {{ texture \"baked\" }}\nmesh file=\"baked.obj\" material=\"baked\"\n"
+    );
+    fs::write(folder.path("shown.kdl"), shown).unwrap();
+    folder.says("render shown.kdl -o shown.png -q --stage ambient --size 120x80", 0, &[]);
+    let [a, b] = ["solution.png", "shown.png"].map(|name| decode(&fs::read(folder.path(name)).unwrap()).unwrap().image);
+    let mut far = 0;
+    for channel in 0..3 {
+        let [a, b] = [&a, &b].map(|image| image.rgb().unwrap()[channel]);
+        far += a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 2.5 / 255.0).count();
+    }
+    // Filtering reads texels beyond the edges of surfaces in a few pixels.
+    assert!(far < 3 * 120 * 80 / 100, "{far} of {} values differ", 3 * 120 * 80);
+}
+
+#[test]
+fn mistakes_are_named() {
+    let folder = Folder::new();
+    folder.says(
+        "bake room.kdl -o room.fbx",
+        2,
+        &["baked scenes can't be written as .fbx", "end the name in .glb or .obj"],
+    );
+    folder.says("bake room.kdl -o room", 2, &["has no extension"]);
+    folder.says("bake room.kdl -o -", 2, &["baked scenes need files"]);
+    folder.says("bake room.kdl --size 64 --texels-per-unit 5", 2, &["cannot be used with"]);
+    folder.says("bake room.kdl --texels-per-unit 0", 2, &["more than 0"]);
+    folder.says("bake room.kdl --size 9000", 2, &["8192"]);
+    folder.says("bake room.kdl --texels-per-unit 1e7", 3, &["don't fit into a light map of 8192 x 8192; at most "]);
+    folder.says("bake room.kdl -o nosuch/room.glb", 1, &["there is no folder nosuch"]);
+    folder.says("bake room.kdl --set material.lamp.emission=0", 3, &["nothing gives light"]);
+    folder.says("bake room.kdl --set material.wall.kd=2", 3, &["material \"wall\" reflects 2"]);
+    assert_eq!(folder.names(), [""; 0]);
+    // None of several files is written if one can't be replaced.
+    fs::write(folder.path("room.mtl"), "mine").unwrap();
+    folder.says("bake room.kdl -o room.obj --no-clobber", 1, &["room.mtl exists already"]);
+    assert_eq!(folder.names(), ["room.mtl"]);
+}
+
+#[test]
+fn scenes_without_settings_and_with_planes() {
+    let folder = Folder::new();
+    let scene = ROOM.lines().filter(|line| !line.starts_with("integrator") && !line.contains("name=\"room\""));
+    let plane = "plane material=\"wall\" name=\"ground\" { point 0 0 -1; normal 0 0 1 }\n";
+    let scene: String = scene.map(|line| format!("{line}\n")).chain([plane.into()]).collect();
+    fs::write(folder.path("open.kdl"), scene.replace("up 0 1 0", "up 0 0 1")).unwrap();
+    folder.says("bake open.kdl --size 256", 0, &["planes have no end"]);
+    // z is up: the plane at z = -1 lies at y = -1.
+    let json = folder.json("open.glb");
+    let ground = json["meshes"].as_array().unwrap().iter().find(|mesh| mesh["name"] == "ground").unwrap();
+    let positions = ground["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize;
+    let accessor = &json["accessors"][positions];
+    assert_eq!((accessor["min"][1].as_f64(), accessor["max"][1].as_f64()), (Some(-1.0), Some(-1.0)));
+}
