@@ -98,14 +98,19 @@ fn read(file: &[u8]) -> Result<(SolutionFingerprint, RadiositySolution), Solutio
     RadiositySolution::read(file, file.len() as u64)
 }
 
-/// A floor under a lamp, whose file is short.
+/// A floor that glows under a lamp, whose file is short.
 fn small_file() -> Vec<u8> {
     let triangle = |y: f32| [[-1.0, y, -1.0], [1.0, y, 1.0], [1.0, y, -1.0]].map(Vec3::from);
     let mesh =
         Mesh { positions: triangle(0.0).to_vec(), triangles: vec![[0, 1, 2]], one_sided: true, ..Mesh::default() };
     let lamp = SceneLight::new(LightKind::Omni(Omni::at(Vec3::new(0.2, 0.5, 0.1))), Rgb::WHITE);
-    let scene =
-        Scene { meshes: vec![mesh], nodes: vec![Node::new(Content::Mesh(0)), Node::from(lamp)], ..Scene::default() };
+    let glow = Phong { emission: Rgb::gray(0.1), ..Phong::default() };
+    let scene = Scene {
+        materials: vec![Material::new("glow", glow)],
+        meshes: vec![mesh],
+        nodes: vec![Node::new(Content::Mesh(0)).with_material(0), Node::from(lamp)],
+        ..Scene::default()
+    };
     let (_, fingerprint, solution) = solved(scene, &RadiositySettings { error: 0.5, max_patches: 12, ..SETTINGS });
     assert!((2..=12).contains(&solution.patches().len()), "{}", solution.patches().len());
     file_of(&fingerprint, &solution)
@@ -283,8 +288,12 @@ fn other_files_are_refused_with_their_reason() {
     let as_text: Vec<u8> = file.iter().enumerate().filter(|(i, _)| *i != 4).map(|(_, byte)| *byte).collect();
     assert!(matches!(read(&as_text), Err(SolutionFileError::Foreign)));
     let mut newer = file.clone();
-    newer[8] = 2;
-    assert_eq!(told(&newer), "its format is version 2, and this program reads version 1");
+    let version = u32::from(newer[8]);
+    newer[8] += 1;
+    assert_eq!(
+        told(&newer),
+        format!("its format is version {}, and this program reads version {version}", version + 1)
+    );
     for length in 8..file.len() {
         let error = read(&file[..length]).unwrap_err();
         assert!(matches!(error, SolutionFileError::CutOff | SolutionFileError::Damaged), "{length}: {error}");
@@ -294,6 +303,22 @@ fn other_files_are_refused_with_their_reason() {
     }
     let longer = [&file[..], b"more"].concat();
     assert!(matches!(read(&longer), Err(SolutionFileError::Damaged)));
+}
+
+/// A file of version 1 is read, and written again as it is. Other bytes are another version of the format: raise it, and
+/// write the file anew with CANALETTO_BLESS=1.
+#[test]
+fn the_format_is_that_of_its_version() {
+    if std::env::var_os("CANALETTO_BLESS").is_some() {
+        let place = concat!(env!("CARGO_MANIFEST_DIR"), "/src/integrator/radiosity/floor.rad");
+        std::fs::write(place, small_file()).unwrap();
+    }
+    let file = include_bytes!("floor.rad");
+    let (fingerprint, solution) = read(file).unwrap();
+    assert_eq!((fingerprint.settings.error, fingerprint.settings.max_patches), (0.5, 12));
+    assert_eq!((solution.patches().len(), solution.emitters.polygons.len()), (10, 1));
+    assert!(solution.patches().iter().all(|patch| patch.direct.x > 0.0 && patch.normal == DVec3::Y));
+    assert!(file_of(&fingerprint, &solution) == file, "the format changed");
 }
 
 #[test]

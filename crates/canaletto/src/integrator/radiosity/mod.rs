@@ -33,6 +33,8 @@ mod outline;
 mod root;
 mod second_pass;
 mod shooting;
+#[cfg(test)]
+mod shooting_tests;
 mod solution;
 mod solved_root;
 mod sources;
