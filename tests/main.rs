@@ -14,6 +14,7 @@ mod environment;
 mod figures;
 mod footprints;
 mod limits;
+mod radiosity_explained;
 mod scale;
 mod serialised;
 mod textures;

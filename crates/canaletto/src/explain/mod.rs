@@ -4,18 +4,22 @@
 //! the recorded terms and returns the pixel bit for bit.
 
 mod number;
+mod patch;
+mod patch_terms;
+mod patch_text;
 mod prepared;
 mod record;
 mod text;
 mod tree;
 
+pub use patch::{CornerNode, LightSum, LinkNode, OthersNode, PatchNode, RadiosityNode, SourceKind, SourceNode};
 pub use tree::{
     BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, PixelTree, RayNode, ReadingNode,
     SampleNode, Side, TextureNode,
 };
 
 use crate::integrator::radiosity::RadiositySolution;
-pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate};
+pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate, ShownLight};
 use crate::render::{Job, JobError, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
@@ -101,7 +105,8 @@ fn record(
     // Only what the pixel needs is prepared.
     let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
     job.film.crop = Some([x, y, 1, 1]);
-    let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, solution, &())? else {
+    let prepared = PreparedExplainer::with_transport(world, &job, solution, &())?;
+    let ControlFlow::Continue(explainer) = prepared else {
         return Err(ExplainError::Cancelled);
     };
     ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).listing_rivals().pixel([x, y])

@@ -1,17 +1,21 @@
 //! Explanations of many pixels of one picture. What the job's integrator prepares is kept between them.
 
+use super::patch::PatchNode;
+use super::patch_terms::patch_node;
 use super::record::Recorder;
+use super::tree::{Outcome, RayNode, SampleNode};
 use super::{ExplainError, PixelTree};
 use crate::film::WeightedSum;
 use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{
-    Cancelled, PreparedRadiosity, Probe, RayIntegrator, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
+    Cancelled, PreparedRadiosity, Probe, RayIntegrator, Transport, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
 };
 use crate::job::{Job, JobError, Observer};
 use crate::render::PixelRenderer;
 use crate::sampler::FrameSampler;
 use crate::scene::{Integrator, WhittedSettings};
 use crate::world::World;
+use std::collections::{BTreeSet, VecDeque};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -25,7 +29,7 @@ pub(crate) struct PreparedExplainer<'w> {
 /// What the job's integrator prepared.
 enum Prepared<'w> {
     Whitted(WhittedSettings),
-    Radiosity(Box<PreparedRadiosity>),
+    Radiosity(Box<PreparedRadiosity>, Option<Box<Transport<'w>>>),
     Zbuffer(Box<Zbuffer<'w>>),
 }
 
@@ -40,10 +44,39 @@ impl<'w> PreparedExplainer<'w> {
         solution: Option<&Arc<RadiositySolution>>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
+        PreparedExplainer::prepare(world, job, solution, false, observer)
+    }
+
+    /// [`PreparedExplainer::new`] that also explains the patches of radiosity, which takes memory. A solution that is
+    /// given has no links, so that its patches can't be explained.
+    ///
+    /// # Errors
+    /// [`JobError`] as from a render.
+    pub(crate) fn with_transport(
+        world: &'w World,
+        job: &'w Job,
+        solution: Option<&Arc<RadiositySolution>>,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
+        PreparedExplainer::prepare(world, job, solution, true, observer)
+    }
+
+    fn prepare(
+        world: &'w World,
+        job: &'w Job,
+        solution: Option<&Arc<RadiositySolution>>,
+        keeps_transport: bool,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
         let prepared = match job.integrator {
             Integrator::Whitted(settings) => ControlFlow::Continue(Prepared::Whitted(settings)),
+            Integrator::Radiosity(settings) if keeps_transport && solution.is_none() => {
+                PreparedRadiosity::with_transport(world, settings, observer)?.map_continue(|(radiosity, transport)| {
+                    Prepared::Radiosity(Box::new(radiosity), Some(Box::new(transport)))
+                })
+            }
             Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
-                .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity))),
+                .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity), None)),
             Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
                 .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),
         };
@@ -54,11 +87,41 @@ impl<'w> PreparedExplainer<'w> {
     fn ray_integrator(&self) -> Option<Whitted<'_>> {
         match &self.prepared {
             Prepared::Whitted(settings) => Some(Whitted::new(self.world, *settings)),
-            Prepared::Radiosity(radiosity) => Some(radiosity.whitted(self.world)),
+            Prepared::Radiosity(radiosity, _) => Some(radiosity.whitted(self.world)),
             Prepared::Zbuffer(_) => None,
         }
     }
+
+    /// The solution of radiosity, and how light goes from patch to patch if that is kept.
+    fn radiosity(&self) -> Option<(&PreparedRadiosity, Option<&Transport<'w>>)> {
+        match &self.prepared {
+            Prepared::Radiosity(radiosity, transport) => Some((radiosity, transport.as_deref())),
+            Prepared::Whitted(_) | Prepared::Zbuffer(_) => None,
+        }
+    }
+
+    /// The patches whose light the samples have, with what lights them, and the number of those beyond the limit.
+    fn patches(&self, samples: &[SampleNode]) -> (Vec<PatchNode>, usize) {
+        let Some((radiosity, Some(transport))) = self.radiosity() else { return (Vec::new(), 0) };
+        let (mut numbers, mut more) = (BTreeSet::new(), BTreeSet::new());
+        let mut waiting: VecDeque<&RayNode> = samples.iter().map(|sample| &sample.ray).collect();
+        while let Some(ray) = waiting.pop_front() {
+            let Outcome::Hit(hit) = &ray.outcome else { continue };
+            if let Some(patch) = hit.radiosity.as_ref().map(|light| light.patch) {
+                let kept =
+                    if numbers.len() < MOST_PATCHES || numbers.contains(&patch) { &mut numbers } else { &mut more };
+                kept.insert(patch);
+            }
+            waiting.extend(hit.children.iter().chain(&hit.behind));
+        }
+        let (solution, ..) = radiosity.shown();
+        let node = |number: u32| patch_node(self.world, solution, transport, number as usize);
+        (numbers.into_iter().map(node).collect(), more.len())
+    }
 }
+
+/// The most patches of a pixel that are explained.
+const MOST_PATCHES: usize = 256;
 
 /// Explains pixels in one thread. Pixels of one tile should follow each other.
 pub(crate) struct ExplainWorker<'a> {
@@ -81,7 +144,7 @@ impl<'a> ExplainWorker<'a> {
     ) -> ExplainWorker<'a> {
         let raster = match &explainer.prepared {
             Prepared::Zbuffer(zbuffer) => Some(ZbufferExplainer::new(zbuffer, cancelled)),
-            Prepared::Whitted(_) | Prepared::Radiosity(_) => None,
+            Prepared::Whitted(_) | Prepared::Radiosity(..) => None,
         };
         let pixels = PixelRenderer::new(explainer.job);
         ExplainWorker { explainer, cancelled, max_rays, lists_rivals: false, pixels, raster, rays: 0 }
@@ -105,7 +168,8 @@ impl<'a> ExplainWorker<'a> {
     /// [`ExplainError`] if the pixel has too many rays, or if cancelled.
     pub(crate) fn pixel(&mut self, pixel: [u32; 2]) -> Result<PixelTree, ExplainError> {
         let Self { explainer, lists_rivals, pixels, raster, .. } = self;
-        let mut recorder = Recorder::new(explainer.world, &explainer.job.camera);
+        let radiosity = explainer.radiosity().map(|(radiosity, _)| radiosity);
+        let mut recorder = Recorder::new(explainer.world, &explainer.job.camera).with_radiosity(radiosity);
         let mut sum = WeightedSum::default();
         if let Some(raster) = raster {
             let ControlFlow::Continue(rasters) = raster.pixel(pixel, *lists_rivals, &mut recorder, &mut sum) else {
@@ -172,11 +236,15 @@ impl<'a> ExplainWorker<'a> {
 
     fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {
         let [width, height] = self.explainer.job.camera.size();
+        let samples = recorder.into_samples();
+        let (patches, more_patches) = self.explainer.patches(&samples);
         PixelTree {
             pixel: [x, y],
             chapter_pixel: [x, height - 1 - y],
             size: [width, height],
-            samples: recorder.into_samples(),
+            patches,
+            more_patches,
+            samples,
             color: sum.mean(),
         }
     }

@@ -1,12 +1,13 @@
 //! The probe that records the tree.
 
+use super::patch::RadiosityNode;
 use super::tree::{
     BlockerNode, CutNode, EmittersNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode,
-    SampleNode, Side, TextureNode,
+    SampleNode, Side, TextureNode, has_primitives,
 };
 use crate::Named;
 use crate::camera::Camera;
-use crate::integrator::{EmittersTerm, LightTerm, Probe, RayKind};
+use crate::integrator::{EmittersTerm, LightTerm, PreparedRadiosity, Probe, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
 use crate::math::Rgb;
@@ -31,6 +32,10 @@ pub(super) struct Recorder<'w> {
     open: Vec<RayNode>,
     blockers: Vec<BlockerNode>,
     textures: Vec<TextureNode>,
+    /// The solution that stands for ambient light.
+    radiosity: Option<&'w PreparedRadiosity>,
+    /// The current hit, with its place in the world and whether it is on the outer side.
+    place: Option<(Hit, DVec3, bool)>,
 }
 
 impl<'w> Recorder<'w> {
@@ -46,7 +51,14 @@ impl<'w> Recorder<'w> {
             open: Vec::new(),
             blockers: Vec::new(),
             textures: Vec::new(),
+            radiosity: None,
+            place: None,
         }
+    }
+
+    /// Returns this recorder such that it records the light of a solution.
+    pub(super) fn with_radiosity(self, radiosity: Option<&'w PreparedRadiosity>) -> Recorder<'w> {
+        Recorder { radiosity, ..self }
     }
 
     pub(super) fn into_samples(self) -> Vec<SampleNode> {
@@ -127,12 +139,11 @@ impl Probe for Recorder<'_> {
     fn hit(&mut self, hit: &Hit, surface: &Surface, material: &MaterialPoint, outside: bool) {
         let object = self.world.object(hit);
         let shading_normal = if outside { surface.shading_normal } else { -surface.shading_normal };
-        let single = matches!(object.kind, "mesh" | "spheres" | "cylinders");
         let node = HitNode {
             object: object.name.clone(),
             object_id: self.world.object_id(hit),
             kind: object.kind,
-            primitive: if single { hit.primitive } else { 0 },
+            primitive: if has_primitives(object.kind) { hit.primitive } else { 0 },
             t: hit.t,
             point: in_the_scene(self.world, surface.point),
             normal: surface.normal.as_vec3().to_array(),
@@ -144,6 +155,7 @@ impl Probe for Recorder<'_> {
             textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
+            radiosity: None,
             emitters: None,
             emission: None,
             lights: Vec::new(),
@@ -156,6 +168,7 @@ impl Probe for Recorder<'_> {
         if let Some(ray) = self.open.last_mut() {
             ray.outcome = Outcome::Hit(Box::new(node));
         }
+        self.place = Some((*hit, surface.exact, outside));
     }
 
     fn bent(&mut self, from: f64, into: f64) {
@@ -196,8 +209,12 @@ impl Probe for Recorder<'_> {
     }
 
     fn ambient(&mut self, term: Rgb) {
+        let radiosity = self.radiosity.zip(self.place).and_then(|(prepared, (hit, point, outside))| {
+            RadiosityNode::new(self.world, prepared.shown(), (&hit, point, outside))
+        });
         if let Some(hit) = self.current() {
             hit.ambient = Some(term);
+            hit.radiosity = radiosity;
         }
     }
 
@@ -215,11 +232,8 @@ impl Probe for Recorder<'_> {
     }
 
     fn light(&mut self, term: &LightTerm) {
-        let light = &self.world.lights[term.light as usize].light;
-        let own = light.name.as_ref().map(ToString::to_string);
-        let name = own.unwrap_or_else(|| format!("{} light #{}", light.kind_name(), term.light + 1));
         let node = LightNode {
-            light: name,
+            light: name_of_light(self.world, term.light),
             point: term.point,
             position: term.sampled.map(|p| in_the_scene(self.world, p)),
             direction: term.direction.to_array(),
@@ -273,11 +287,18 @@ impl Probe for Recorder<'_> {
 
 /// The scene's coordinates of a point of the world. If the world's origin is zero, the coordinates have the digits that
 /// identify the `f32`.
-fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
+pub(super) fn in_the_scene(world: &World, p: Vec3) -> [f64; 3] {
     if world.origin() == DVec3::ZERO {
         return p.to_array().map(|v| v.to_string().parse().unwrap_or(v.into()));
     }
     (world.origin() + p.as_dvec3()).to_array()
+}
+
+/// A light's name, or its kind and number.
+pub(super) fn name_of_light(world: &World, number: u32) -> String {
+    let light = &world.lights[number as usize].light;
+    let own = light.name.as_ref().map(ToString::to_string);
+    own.unwrap_or_else(|| format!("{} light #{}", light.kind_name(), number + 1))
 }
 
 /// The value before and after a texture.

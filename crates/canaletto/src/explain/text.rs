@@ -1,12 +1,17 @@
 //! The tree as text for a terminal.
 
 use super::number::Number;
-use super::tree::{EmittersNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode};
+use super::patch::PatchNode;
+use super::patch_text::{write_patch, write_radiosity};
+use super::tree::{
+    EmittersNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode, has_primitives,
+};
 use crate::Named;
 use crate::integrator::{RasterNode, RasterTriangle, RayKind, RivalFate};
 use crate::light::environment::{EnvironmentLookup, Footprint, Part, Place};
 use crate::material::{Parameter, ParameterInfo, ParameterValue, Shown};
 use crate::math::Rgb;
+use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter, LowerExp};
 
 /// Numbers are printed with the digits that parse to the original `f32`.
@@ -18,15 +23,19 @@ impl Display for PixelTree {
             "pixel ({x}, {y}) of {w} x {h}, counted from the top left; ({cx}, {cy}) counted from the lower left"
         )?;
         let total: f64 = self.samples.iter().map(|s| s.weight).sum();
+        let mut patches = UntoldPatches { all: &self.patches, told: BTreeSet::new() };
         for (index, sample) in self.samples.iter().enumerate() {
             writeln!(f)?;
             if self.samples.len() > 1 {
                 let share = sample.weight / total;
                 writeln!(f, "sample {} of {}, weight {share:.6}", index + 1, self.samples.len())?;
             }
-            write_sample(f, sample)?;
+            write_sample(f, sample, &mut patches)?;
         }
         writeln!(f)?;
+        if self.more_patches > 0 {
+            writeln!(f, "{} more patches lie under the pixel and aren't explained", self.more_patches)?;
+        }
         if self.samples.len() > 1 {
             writeln!(f, "pixel = weighted mean of {} samples", self.samples.len())?;
         }
@@ -37,7 +46,29 @@ impl Display for PixelTree {
     }
 }
 
-fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
+/// The patches of a tree. Each is written once.
+struct UntoldPatches<'t> {
+    all: &'t [PatchNode],
+    told: BTreeSet<u32>,
+}
+
+impl UntoldPatches<'_> {
+    fn write(&mut self, f: &mut Formatter, number: u32, indent: &str) -> fmt::Result {
+        match self.all.iter().find(|patch| patch.number == number) {
+            Some(_) if !self.told.insert(number) => writeln!(f, "{indent}patch {number}: as above"),
+            Some(patch) => write_patch(f, patch, indent),
+            None if self.all.is_empty() => {
+                writeln!(
+                    f,
+                    "{indent}patch {number}: what lights it isn't known, since a solution that was saved has no links"
+                )
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn write_sample(f: &mut Formatter, sample: &SampleNode, patches: &mut UntoldPatches) -> fmt::Result {
     let ([x, y], d) = (sample.position, sample.chapter_direction);
     writeln!(f, "camera ray through x = {x}, y = {y}: d = ({:.6}, {:.6}, {:.6})  (5.10)", d[0], d[1], d[2])?;
     if let Some(time) = sample.time {
@@ -49,7 +80,7 @@ fn write_sample(f: &mut Formatter, sample: &SampleNode) -> fmt::Result {
     if let Some(raster) = &sample.raster {
         write_raster(f, raster)?;
     }
-    write_ray(f, &sample.ray, "")
+    write_ray(f, &sample.ray, "", patches)
 }
 
 fn write_raster(f: &mut Formatter, raster: &RasterNode) -> fmt::Result {
@@ -85,7 +116,7 @@ fn write_raster(f: &mut Formatter, raster: &RasterNode) -> fmt::Result {
     Ok(())
 }
 
-fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
+fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str, patches: &mut UntoldPatches) -> fmt::Result {
     let kind = match ray.kind {
         RayKind::Eye => "camera ray",
         RayKind::Reflected => "reflected ray (5.37)",
@@ -116,7 +147,7 @@ fn write_ray(f: &mut Formatter, ray: &RayNode, indent: &str) -> fmt::Result {
             writeln!(f, "{indent}  meets nothing: background {}", rgb(*background))
         }
         Outcome::Miss { environment: Some(environment_lookup), .. } => write_sighting(f, environment_lookup, indent),
-        Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent),
+        Outcome::Hit(hit) => write_hit(f, hit, ray.color, indent, patches),
     }
 }
 
@@ -169,8 +200,8 @@ fn write_sighting(f: &mut Formatter, seen: &EnvironmentLookup, indent: &str) -> 
     writeln!(f, "{indent}    = value {} * the environment's intensity", rgb(seen.value))
 }
 
-fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt::Result {
-    let which = if matches!(hit.kind, "mesh" | "spheres" | "cylinders") {
+fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str, patches: &mut UntoldPatches) -> fmt::Result {
+    let which = if has_primitives(hit.kind) {
         format!("{}, primitive {}", hit.object, hit.primitive)
     } else {
         hit.object.clone()
@@ -192,8 +223,15 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     if let Some(kd) = hit.unlit {
         writeln!(f, "{indent}    + unlit colour kd              {}", rgb(kd))?;
     }
-    if let Some(ambient) = hit.ambient {
-        writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?;
+    match (hit.ambient, &hit.radiosity) {
+        (Some(ambient), Some(light)) => {
+            writeln!(f, "{indent}    + radiosity's light * kd       {}", rgb(ambient))?;
+            let deeper = format!("{indent}        ");
+            write_radiosity(f, light, &deeper)?;
+            patches.write(f, light.patch, &deeper)?;
+        }
+        (Some(ambient), None) => writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?,
+        (None, _) => {}
     }
     if let Some(emitters) = &hit.emitters {
         let EmittersNode { unoccluded, arriving, rays, passed, contribution } = emitters;
@@ -223,7 +261,7 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
             rgb(child.color),
             rgb(child.color * child.factor)
         )?;
-        write_ray(f, child, &deeper)?;
+        write_ray(f, child, &deeper, patches)?;
     }
     for cut in &hit.cut {
         let kind = match cut.kind {
@@ -247,7 +285,7 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str) -> fmt:
     if let Some(child) = &hit.behind {
         let color = rgb(child.color * child.factor);
         writeln!(f, "{indent}    + {} * ray = {} * {} = {color}", child.factor.r, child.factor.r, rgb(child.color))?;
-        write_ray(f, child, &deeper)?;
+        write_ray(f, child, &deeper, patches)?;
     }
     writeln!(f, "{indent}    = {}", rgb(color))
 }
@@ -349,6 +387,6 @@ fn rgb(c: Rgb) -> String {
     format!("({}, {}, {})", Number(c.r), Number(c.g), Number(c.b))
 }
 
-fn vector<T: Copy + Display + LowerExp + Into<f64>>(v: [T; 3]) -> String {
+pub(super) fn vector<T: Copy + Display + LowerExp + Into<f64>>(v: [T; 3]) -> String {
     format!("({}, {}, {})", Number(v[0]), Number(v[1]), Number(v[2]))
 }

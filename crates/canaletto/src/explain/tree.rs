@@ -1,5 +1,6 @@
 //! The tree of rays behind a pixel, as plain data.
 
+use super::patch::{PatchNode, RadiosityNode};
 use crate::film::WeightedSum;
 use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
@@ -19,6 +20,12 @@ pub struct PixelTree {
     pub size: [u32; 2],
     /// The samples, one camera ray each.
     pub samples: Vec<SampleNode>,
+    /// The patches under the pixel's rays, with what lights them, by number; only of radiosity.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub patches: Vec<PatchNode>,
+    /// The number of further patches under the pixel's rays, which aren't explained.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub more_patches: usize,
     /// The pixel's colour as rendered.
     pub color: Rgb,
 }
@@ -152,9 +159,12 @@ pub struct HitNode {
     /// kd, if the picture has no lighting.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unlit: Option<Rgb>,
-    /// Iₐ ⊗ kd.
+    /// Iₐ ⊗ kd, or the light of `radiosity` in place of Iₐ.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Rgb>,
+    /// The light of a radiosity solution that takes the place of Iₐ.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radiosity: Option<RadiosityNode>,
     /// The light that comes straight from emitting surfaces, if they are lights of the picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emitters: Option<EmittersNode>,
@@ -325,7 +335,7 @@ impl RayNode {
         }
         let mut color = Rgb::BLACK;
         if let Some(ambient) = hit.ambient {
-            color += ambient;
+            color += hit.radiosity.as_ref().map_or(ambient, |light| light.reflected(hit.model.phong().kd));
         }
         if let Some(emitters) = &hit.emitters {
             color = (color + emitters.contribution).saturated();
@@ -356,6 +366,15 @@ impl HitNode {
             None => color,
         }
     }
+}
+
+/// Whether objects of a kind have primitives with numbers.
+pub(super) fn has_primitives(kind: &str) -> bool {
+    matches!(kind, "mesh" | "spheres" | "cylinders")
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 fn finite_or_null<S: Serializer>(value: &f32, serializer: S) -> Result<S::Ok, S::Error> {

@@ -11,7 +11,8 @@ mod zbuffer;
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
-pub(crate) use radiosity::PreparedRadiosity;
+pub use radiosity::ShownLight;
+pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};
 pub(crate) use tile_integrator::{Cancelled, PreparedRayIntegrator, RayIntegrator, TileIntegrator, TileWorker};
 pub use whitted::Whitted;
 pub(crate) use zbuffer::{

@@ -27,10 +27,14 @@ pub(super) struct Light {
     pub(super) received: Vec<DVec3>,
     /// The part of it that emitters send without a reflection.
     pub(super) from_emitters: Vec<DVec3>,
+    /// The radiance that `received` was gathered from: that of the bounce before, or what shooting has sent.
+    pub(super) sent: Vec<DVec3>,
+    /// The part of `sent` that nodes emit themselves.
+    pub(super) sent_emission: Vec<DVec3>,
 }
 
 /// The factors of all links, by receiver. Links to clusters are those of their members.
-struct Gathering {
+pub(super) struct Gathering {
     /// For each node, the first of its factors; the last number is the number of all factors.
     firsts: Vec<u32>,
     /// Source and form factor.
@@ -38,7 +42,7 @@ struct Gathering {
 }
 
 impl Gathering {
-    fn new(mesh: &PatchMesh, links: &[Link]) -> Gathering {
+    pub(super) fn new(mesh: &PatchMesh, links: &[Link]) -> Gathering {
         let of_link = |link: &Link| -> Vec<(u32, u32, f32)> {
             let ([p, q], visibility) = (link.nodes, f64::from(link.visibility));
             if visibility == 0.0 || mesh.area_of(p) == 0.0 || mesh.area_of(q) == 0.0 {
@@ -90,9 +94,34 @@ impl Gathering {
         (0..radiance.len()).into_par_iter().with_min_len(64).map(gather).collect()
     }
 
-    fn of(&self, node: usize) -> &[(u32, f32)] {
+    /// The sources of light of a node, with form factors.
+    pub(super) fn of(&self, node: usize) -> &[(u32, f32)] {
         &self.factors[self.firsts[node] as usize..self.firsts[node + 1] as usize]
     }
+
+    /// For each element the factor of what it receives, and the form factor to itself. `closed` says for each element
+    /// whether no direction is open. The sum of its form factors is then 1.
+    pub(super) fn closure(&self, mesh: &PatchMesh, closed: &[bool]) -> Vec<(f64, f64)> {
+        let nodes = 0..mesh.nodes();
+        // The sum of the form factors of each node and of all nodes around it.
+        let mut sums: Vec<f64> =
+            nodes.clone().map(|node| self.of(node).iter().map(|&(_, factor)| f64::from(factor)).sum()).collect();
+        push(&parents(mesh), &mut sums);
+        let of = |element: usize| {
+            let sum = sums[mesh.clusters.len() + element];
+            if !closed.get(element).copied().unwrap_or(false) {
+                return (1.0, 0.0);
+            }
+            let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
+            (scale, 1.0 - scale * sum)
+        };
+        (0..mesh.elements.len()).map(of).collect()
+    }
+}
+
+/// The parent of each node.
+fn parents(mesh: &PatchMesh) -> Vec<u32> {
+    (0..mesh.nodes() as u32).map(|node| mesh.parent(node)).collect()
 }
 
 /// Solves B = E + ρ (D + F B) for the radiance B of all nodes. `arriving` is D, the light without a patch, of each node
@@ -109,25 +138,11 @@ pub(super) fn solve(
 ) -> Result<(Light, f64), RadiosityError> {
     let gathering = Gathering::new(mesh, links);
     let (nodes, clusters) = (mesh.nodes(), mesh.clusters.len());
-    let parents: Vec<u32> = (0..nodes as u32).map(|node| mesh.parent(node)).collect();
+    let parents = parents(mesh);
     let leaf = |node: usize| node >= clusters && mesh.elements[node - clusters].is_leaf();
-    // The sum of the form factors of each node and of all nodes around it.
-    let mut sums: Vec<f64> =
-        (0..nodes).map(|node| gathering.of(node).iter().map(|&(_, factor)| f64::from(factor)).sum()).collect();
-    push(&parents, &mut sums);
     let mut given = arriving.to_vec();
     push(&parents, &mut given);
-    // The factor of what a leaf receives, and what its form factors lack, if it is closed.
-    let closure: Vec<(f64, f64)> = (0..mesh.elements.len())
-        .map(|element| {
-            let sum = sums[clusters + element];
-            if !closed.get(element).copied().unwrap_or(false) {
-                return (1.0, 0.0);
-            }
-            let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
-            (scale, 1.0 - scale * sum)
-        })
-        .collect();
+    let closure = gathering.closure(mesh, closed);
     light.radiance.resize(nodes, DVec3::ZERO);
     let (mut before, mut slow) = (f64::INFINITY, 0);
     for bounce in 0..MAX_BOUNCES {
@@ -157,9 +172,10 @@ pub(super) fn solve(
                 next[parents[node] as usize] += mean * area;
             }
         }
-        light.radiance = next;
+        light.sent = std::mem::replace(&mut light.radiance, next);
         if change <= RESIDUAL * all || all == 0.0 {
-            light.from_emitters = from_emitters(mesh, &gathering, &parents, &closure);
+            light.sent_emission = emission(mesh);
+            light.from_emitters = from_emitters(mesh, &gathering, &light.sent_emission, &parents, &closure);
             return Ok((light, if all > 0.0 { change / all } else { 0.0 }));
         }
         slow = if change > before * LEAST_REDUCTION { slow + 1 } else { 0 };
@@ -171,15 +187,24 @@ pub(super) fn solve(
     Err(RadiosityError::Endless)
 }
 
-/// What leaves receive from emitters without a reflection.
-fn from_emitters(mesh: &PatchMesh, gathering: &Gathering, parents: &[u32], closure: &[(f64, f64)]) -> Vec<DVec3> {
-    let clusters = mesh.clusters.len();
-    let mut emission = vec![DVec3::ZERO; clusters];
+/// The radiance that nodes emit themselves.
+fn emission(mesh: &PatchMesh) -> Vec<DVec3> {
+    let mut emission = vec![DVec3::ZERO; mesh.clusters.len()];
     emission.extend(mesh.elements.iter().map(|element| element.emission));
-    let emission = means(mesh, emission);
-    let mut received = gathering.received(&emission);
+    means(mesh, emission)
+}
+
+/// What leaves receive from emitters without a reflection.
+fn from_emitters(
+    mesh: &PatchMesh,
+    gathering: &Gathering,
+    emission: &[DVec3],
+    parents: &[u32],
+    closure: &[(f64, f64)],
+) -> Vec<DVec3> {
+    let mut received = gathering.received(emission);
     push(parents, &mut received);
-    for (node, &(scale, missing)) in (clusters..).zip(closure) {
+    for (node, &(scale, missing)) in (mesh.clusters.len()..).zip(closure) {
         received[node] = received[node] * scale + emission[node] * missing;
     }
     received

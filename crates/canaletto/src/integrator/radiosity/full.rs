@@ -59,5 +59,5 @@ pub(super) fn full(
     };
     let links: Vec<Link> = (0..leaves.len()).into_par_iter().flat_map_iter(row).collect();
     let (light, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
-    Ok(Balanced { given, light, residual, links: links.len() })
+    Ok(Balanced { given, light, residual, exchanges: links.len(), links })
 }

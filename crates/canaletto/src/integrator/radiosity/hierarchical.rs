@@ -162,7 +162,7 @@ pub(super) fn hierarchical(
         };
         reflected = mesh.elements.iter().zip(mesh.clusters.len()..).map(of).sum::<f64>().max(power * LEAST_REFLECTED);
     }
-    Ok(Balanced { given, light, residual, links: links.len() })
+    Ok(Balanced { given, light, residual, exchanges: links.len(), links })
 }
 
 /// The least reflected light that errors are relative to, relative to emitted light.

@@ -77,6 +77,18 @@ impl Interpolation {
 
     /// The light at a point of a patch, whose centre and light are given.
     pub(super) fn at(&self, patch: usize, center: DVec3, own: &ArrivingLight, point: DVec3) -> ArrivingLight {
+        self.corners_at(patch, center, own, point).map_or(*own, |corners| blended(&corners))
+    }
+
+    /// The corners of the triangle that a point of a patch lies in, the patch's centre first. None if the patch has no
+    /// such triangle.
+    pub(super) fn corners_at(
+        &self,
+        patch: usize,
+        center: DVec3,
+        own: &ArrivingLight,
+        point: DVec3,
+    ) -> Option<[BlendedLight; 3]> {
         let vertices = &self.boundary[self.firsts[patch] as usize..self.firsts[patch + 1] as usize];
         let mut best: Option<(f64, [f64; 3], [u32; 2])> = None;
         for (i, &a) in vertices.iter().enumerate() {
@@ -96,14 +108,31 @@ impl Interpolation {
                 best = Some((inside, weights, [a, b]));
             }
         }
-        let Some((_, weights, [a, b])) = best else { return *own };
-        let weights = weights.map(|weight| weight.max(0.0));
-        let sum: f64 = weights.iter().sum();
-        let [a, b] = [a, b].map(|vertex| &self.light[vertex as usize]);
-        let weighted = |light: &ArrivingLight, weight: f64| light.map(|light| light * weight);
-        let mean = weighted(own, weights[0]).plus(&weighted(a, weights[1])).plus(&weighted(b, weights[2]));
-        mean.map(|mean| mean / sum)
+        let (_, weights, vertices) = best?;
+        let [own_weight, ..] = weights.map(|weight| weight.max(0.0));
+        let at_vertex = |i: usize| BlendedLight {
+            place: self.points[vertices[i] as usize],
+            weight: weights[i + 1].max(0.0),
+            light: self.light[vertices[i] as usize],
+        };
+        Some([BlendedLight { place: center, weight: own_weight, light: *own }, at_vertex(0), at_vertex(1)])
     }
+}
+
+/// Light at a place, with its weight in light that is interpolated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BlendedLight {
+    pub(crate) place: DVec3,
+    pub(crate) weight: f64,
+    pub(crate) light: ArrivingLight,
+}
+
+/// The weighted mean of light.
+pub(crate) fn blended(corners: &[BlendedLight]) -> ArrivingLight {
+    let weights = corners.iter().fold(0.0, |sum, corner| sum + corner.weight);
+    let weighted = |corner: &BlendedLight| corner.light.map(|light| light * corner.weight);
+    let sum = corners.iter().fold(ArrivingLight::default(), |sum, corner| sum.plus(&weighted(corner)));
+    sum.map(|sum| sum / weights)
 }
 
 /// The vertices of finer neighbours between the ends of an edge.

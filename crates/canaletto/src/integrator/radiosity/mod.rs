@@ -40,14 +40,18 @@ mod solved_root;
 mod sources;
 #[cfg(test)]
 mod tests;
+mod transport;
 
 pub use file::SolutionFileError;
 pub use fingerprint::{ChangedInputs, SolutionFingerprint, SolutionInput};
+pub(crate) use interpolation::{BlendedLight, blended};
 pub use measure::Measurement;
 pub(crate) use second_pass::PreparedRadiosity;
+pub use second_pass::ShownLight;
 pub use shooting::{ShootingStep, ShootingWatcher};
 pub use solution::{ArrivingLight, Patch, RadiositySolution};
 pub(crate) use solved_root::SolvedRoot;
+pub(crate) use transport::{LightSource, PatchLight, Transport};
 
 use crate::OutOfRange;
 use crate::job::{JobError, Observer, SolvingPhase, SolvingProgress};
@@ -56,6 +60,7 @@ use crate::world::World;
 use balance::Light;
 use canaletto_bvh::{NoThreads, with_stack};
 use hierarchical::Given;
+use link::Link;
 use mesh::PatchMesh;
 
 /// The reason why there is no solution.
@@ -113,7 +118,10 @@ struct Balanced {
     given: Given,
     light: Light,
     residual: f64,
-    links: usize,
+    /// The number of links, or of pairs of patches.
+    exchanges: usize,
+    /// The links; none of shooting, which finds form factors as it needs them.
+    links: Vec<Link>,
 }
 
 impl RadiositySolution {
@@ -141,7 +149,27 @@ impl RadiositySolution {
         watcher: &mut dyn ShootingWatcher,
     ) -> Result<RadiositySolution, RadiosityError> {
         settings.check()?;
-        with_stack(STACK + STACK_OF_GROUP * world.most_groups(), || balance_of(world, settings, observer, watcher))?
+        with_stack(stack_of(world), || {
+            let (mesh, mut balanced) = balance_of(world, settings, observer, watcher)?;
+            balanced.links = Vec::new();
+            Ok(RadiositySolution::new(&mesh, &balanced))
+        })?
+    }
+
+    /// [`RadiositySolution::solve`] that keeps how light goes from patch to patch.
+    ///
+    /// # Errors
+    /// [`RadiosityError`] names the reason.
+    pub(crate) fn solve_with_transport<'w>(
+        world: &'w World,
+        settings: &RadiositySettings,
+        observer: &dyn Observer,
+    ) -> Result<(RadiositySolution, Transport<'w>), RadiosityError> {
+        settings.check()?;
+        with_stack(stack_of(world), || {
+            let (mesh, balanced) = balance_of(world, settings, observer, &mut ())?;
+            Ok((RadiositySolution::new(&mesh, &balanced), Transport::new(mesh, balanced, settings.method)))
+        })?
     }
 }
 
@@ -149,12 +177,16 @@ impl RadiositySolution {
 const STACK: usize = 512 << 10;
 const STACK_OF_GROUP: usize = 16 << 10;
 
-fn balance_of(
-    world: &World,
+fn stack_of(world: &World) -> usize {
+    STACK + STACK_OF_GROUP * world.most_groups()
+}
+
+fn balance_of<'w>(
+    world: &'w World,
     settings: &RadiositySettings,
     observer: &dyn Observer,
     watcher: &mut dyn ShootingWatcher,
-) -> Result<RadiositySolution, RadiosityError> {
+) -> Result<(PatchMesh<'w>, Balanced), RadiosityError> {
     observer.solving(&SolvingProgress { phase: SolvingPhase::Patches, patches: 0, links: 0 });
     let mut mesh = PatchMesh::new(world, settings)?;
     if mesh.elements.is_empty() {
@@ -176,5 +208,5 @@ fn balance_of(
         RadiosityMethod::Shooting => shooting::shooting(&mut mesh, settings, observer, watcher)?,
         RadiosityMethod::Full => full::full(&mut mesh, settings, observer)?,
     };
-    Ok(RadiositySolution::new(&mesh, balanced))
+    Ok((mesh, balanced))
 }

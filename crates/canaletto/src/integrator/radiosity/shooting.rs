@@ -39,8 +39,9 @@ impl ShootingStep<'_> {
     pub fn solution(&self) -> RadiositySolution {
         let received: Vec<DVec3> = self.received.iter().map(|light| *light + self.ambient).collect();
         let light = light_of(self.mesh, self.leaves, self.radiance, &received, self.from_emitters);
-        let (given, links) = (self.given.clone(), self.step * self.leaves.len());
-        RadiositySolution::new(self.mesh, Balanced { given, light, residual: self.unsent, links })
+        let (given, exchanges) = (self.given.clone(), self.step * self.leaves.len());
+        let balanced = Balanced { given, light, residual: self.unsent, exchanges, links: Vec::new() };
+        RadiositySolution::new(self.mesh, &balanced)
     }
 }
 
@@ -52,18 +53,22 @@ fn light_of(
     received: &[DVec3],
     from_emitters: &[DVec3],
 ) -> Light {
-    let at_nodes = |values: &[DVec3]| {
-        let mut all = vec![DVec3::ZERO; mesh.nodes()];
-        for (value, &number) in values.iter().zip(leaves) {
-            all[mesh.node(number) as usize] = *value;
-        }
-        all
-    };
+    let at_nodes = |values: &[DVec3]| at_nodes(mesh, leaves, values);
     Light {
         radiance: means(mesh, at_nodes(radiance)),
         received: at_nodes(received),
         from_emitters: at_nodes(from_emitters),
+        ..Light::default()
     }
+}
+
+/// The values of leaves in the order of all nodes.
+fn at_nodes(mesh: &PatchMesh, leaves: &[u32], values: &[DVec3]) -> Vec<DVec3> {
+    let mut all = vec![DVec3::ZERO; mesh.nodes()];
+    for (value, &number) in values.iter().zip(leaves) {
+        all[mesh.node(number) as usize] = *value;
+    }
+    all
 }
 
 /// A watcher of each step of shooting.
@@ -164,8 +169,12 @@ pub(super) fn shooting(
         }
         steps += 1;
     };
-    let light = light_of(mesh, &leaves, &radiance, &received, &from_emitters);
-    Ok(Balanced { given, light, residual: rest, links: steps * leaves.len() })
+    let mut light = light_of(mesh, &leaves, &radiance, &received, &from_emitters);
+    let sent: Vec<DVec3> = radiance.iter().zip(&unsent).map(|(all, unsent)| *all - *unsent).collect();
+    light.sent = at_nodes(mesh, &leaves, &sent);
+    let sent: Vec<DVec3> = (0..leaves.len()).map(|leaf| element(leaf).emission - emitted[leaf]).collect();
+    light.sent_emission = at_nodes(mesh, &leaves, &sent);
+    Ok(Balanced { given, light, residual: rest, exchanges: steps * leaves.len(), links: Vec::new() })
 }
 
 /// The reduction of unsent light by as many steps as there are patches, with which light still ends.

@@ -3,7 +3,7 @@
 use super::Balanced;
 use super::emitters::{Emitter, Emitters};
 use super::hierarchical::Given;
-use super::interpolation::Interpolation;
+use super::interpolation::{BlendedLight, Interpolation};
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
 use super::solved_root::SolvedRoot;
@@ -138,8 +138,9 @@ pub struct RadiositySolution {
 }
 
 impl RadiositySolution {
-    pub(super) fn new(mesh: &PatchMesh, balanced: Balanced) -> RadiositySolution {
-        let Balanced { given: Given { mut lit, mut sky, .. }, light, residual, links } = balanced;
+    pub(super) fn new(mesh: &PatchMesh, balanced: &Balanced) -> RadiositySolution {
+        let Balanced { given: Given { lit, sky, .. }, light, residual, exchanges, .. } = balanced;
+        let [mut lit, mut sky] = [lit, sky].map(Vec::clone);
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut solved_roots = Vec::new();
         for (number, element) in mesh.elements.iter().enumerate() {
@@ -197,8 +198,8 @@ impl RadiositySolution {
             roots,
             origin: mesh.world.origin(),
             primitives: mesh.world.primitives(),
-            residual,
-            links,
+            residual: *residual,
+            links: *exchanges,
             limit_reached: mesh.limit_reached,
         }
     }
@@ -257,6 +258,19 @@ impl RadiositySolution {
     pub(super) fn interpolated(&self, number: usize, point: DVec3) -> ArrivingLight {
         let patch = &self.patches[number];
         self.interpolation.at(number, patch.center, &patch.arriving(), point)
+    }
+
+    /// The light of a whole patch, at its centre.
+    pub(crate) fn center_of(&self, number: usize) -> BlendedLight {
+        let patch = &self.patches[number];
+        BlendedLight { place: patch.center, weight: 1.0, light: patch.arriving() }
+    }
+
+    /// The light whose mean [`RadiositySolution::light_at`] is at a point of a patch.
+    pub(crate) fn corners_at(&self, number: usize, point: DVec3) -> Vec<BlendedLight> {
+        let own = self.center_of(number);
+        let corners = self.interpolation.corners_at(number, own.place, &own.light, point);
+        corners.map_or(vec![own], Vec::from)
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

@@ -61,43 +61,59 @@ impl LitPlace {
     /// The light of all lights that arrives, as the radiance of a white surface. `last` holds each light's last
     /// occluder.
     pub(super) fn lit(&self, world: &World, last: &mut [OccluderCache]) -> DVec3 {
-        let LitPlace { point, origin, normal } = *self;
         let mut sum = DVec3::ZERO;
         for (light, last) in world.lights.iter().zip(last) {
-            for index in 0..light.points() {
-                let arriving = light.illuminate_evenly(index, point);
-                let cosine = normal.dot(arriving.direction);
-                // A light exactly at the point gives NaN, which is no positive cosine.
-                let is_before = cosine > 0.0;
-                if !is_before || arriving.intensity.is_black() {
-                    continue;
-                }
-                let passed = if light.light.shadows {
-                    let (ray, t_max) = match arriving.position {
-                        Some(position) => (Ray::new(origin, position - origin), BEFORE_END),
-                        None => (Ray::new(origin, arriving.direction.as_vec3()), f32::INFINITY),
-                    };
-                    f64::from(world.transmittance(&ray, t_max, 0.0, None, last, &mut ()))
-                } else {
-                    1.0
-                };
-                sum += vector(arriving.intensity) * (cosine * passed);
-            }
+            self.add(world, light, last, &mut sum);
         }
         sum
+    }
+
+    /// Adds the light of one light to a sum.
+    fn add(&self, world: &World, light: &PreparedLight, last: &mut OccluderCache, sum: &mut DVec3) {
+        let LitPlace { point, origin, normal } = *self;
+        for index in 0..light.points() {
+            let arriving = light.illuminate_evenly(index, point);
+            let cosine = normal.dot(arriving.direction);
+            // A light exactly at the point gives NaN, which is no positive cosine.
+            let is_before = cosine > 0.0;
+            if !is_before || arriving.intensity.is_black() {
+                continue;
+            }
+            let passed = if light.light.shadows {
+                let (ray, t_max) = match arriving.position {
+                    Some(position) => (Ray::new(origin, position - origin), BEFORE_END),
+                    None => (Ray::new(origin, arriving.direction.as_vec3()), f32::INFINITY),
+                };
+                f64::from(world.transmittance(&ray, t_max, 0.0, None, last, &mut ()))
+            } else {
+                1.0
+            };
+            *sum += vector(arriving.intensity) * (cosine * passed);
+        }
     }
 }
 
 impl PatchMesh<'_> {
     /// The light of all lights that arrives at an element.
     pub(super) fn lit(&self, element: u32) -> Arriving {
-        let (world, normal) = (self.world, self.normal_of(element));
-        let element = &self.elements[element as usize];
-        let mut last = vec![OccluderCache::NONE; world.lights.len()];
-        over_cells(element, |cell| {
-            let place = LitPlace { point: element.outline.cell(cell), origin: element.origins[cell], normal };
-            place.lit(world, &mut last)
-        })
+        let mut last = vec![OccluderCache::NONE; self.world.lights.len()];
+        over_cells(&self.elements[element as usize], |cell| self.lit_place(element, cell).lit(self.world, &mut last))
+    }
+
+    /// The light of one of the world's lights that arrives at an element.
+    pub(super) fn lit_by(&self, light: u32, element: u32) -> DVec3 {
+        let (light, mut last) = (&self.world.lights[light as usize], OccluderCache::NONE);
+        let at_cell = |cell| {
+            let mut sum = DVec3::ZERO;
+            self.lit_place(element, cell).add(self.world, light, &mut last, &mut sum);
+            sum
+        };
+        over_cells(&self.elements[element as usize], at_cell).mean
+    }
+
+    fn lit_place(&self, number: u32, cell: usize) -> LitPlace {
+        let element = &self.elements[number as usize];
+        LitPlace { point: element.outline.cell(cell), origin: element.origins[cell], normal: self.normal_of(number) }
     }
 
     /// The light of the environment that arrives at an element, without its sun, and the share of directions in which

@@ -1,0 +1,171 @@
+//! How light goes from patch to patch: the terms of a patch's equation, found again from the links that solved it.
+
+use super::Balanced;
+use super::balance::Gathering;
+use super::exchange::Effort;
+use super::mesh::{NONE, PatchMesh};
+use crate::scene::RadiosityMethod;
+use crate::world::Hit;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A solved balance with its links.
+pub(crate) struct Transport<'w> {
+    mesh: PatchMesh<'w>,
+    /// The form factors by receiver; none for shooting, which finds them as it needs them.
+    gathering: Option<Gathering>,
+    /// For each element the factor of what it receives, and its form factor to itself.
+    closure: Vec<(f64, f64)>,
+    /// The light of the scene's lights and of the environment, for each node where it was found.
+    lit: Vec<DVec3>,
+    sky: Vec<DVec3>,
+    /// The radiance that each node emits, and that which it reflects.
+    emitted: Vec<DVec3>,
+    reflected: Vec<DVec3>,
+    /// The element of each patch.
+    leaves: Vec<u32>,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum LightSource {
+    /// One of the world's lights, by number.
+    Light(u32),
+    Environment,
+    /// A node of the hierarchy of patches.
+    Node(u32),
+    /// The patch itself, as a node. In a closed room, the sum of a patch's form factors is 1. It sees itself where
+    /// they lack.
+    Itself(u32),
+}
+
+/// Light that arrives at a patch from one source over one link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PatchLight {
+    pub(crate) source: LightSource,
+    /// The light, as the radiance of a white surface in it. For nodes it is `form_factor` times `radiance`.
+    pub(crate) light: DVec3,
+    /// The share of the receiver's view that the node fills.
+    pub(crate) form_factor: f64,
+    /// The radiance of the node.
+    pub(crate) radiance: DVec3,
+    /// The area of the linked part of the surface: of the patch, or of an element that contains it.
+    pub(crate) receiver_area: f64,
+}
+
+impl<'w> Transport<'w> {
+    pub(super) fn new(mesh: PatchMesh<'w>, balanced: Balanced, method: RadiosityMethod) -> Transport<'w> {
+        let Balanced { given, light, links, .. } = balanced;
+        let gathering = (method != RadiosityMethod::Shooting).then(|| Gathering::new(&mesh, &links));
+        let closure = match &gathering {
+            Some(gathering) => gathering.closure(&mesh, &given.closed),
+            None => vec![(1.0, 0.0); mesh.elements.len()],
+        };
+        let emitted = light.sent_emission;
+        let reflected = light.sent.iter().zip(&emitted).map(|(&sent, &emitted)| sent - emitted).collect();
+        let is_leaf = |&element: &u32| mesh.elements[element as usize].is_leaf();
+        let leaves = (0..mesh.elements.len() as u32).filter(is_leaf).collect();
+        Transport { gathering, closure, lit: given.lit, sky: given.sky, emitted, reflected, leaves, mesh }
+    }
+
+    /// The light of the scene's lights that arrives at a patch without a reflection.
+    pub(crate) fn direct(&self, patch: usize) -> Vec<PatchLight> {
+        let is_lit = |element: &u32| self.lit[self.mesh.node(*element) as usize] != DVec3::ZERO;
+        let of = |element: u32, light: u32| {
+            self.without_a_node(LightSource::Light(light), self.mesh.lit_by(light, element), element)
+        };
+        let lights = 0..self.mesh.world.lights.len() as u32;
+        let lit = self.elements_around(patch).filter(is_lit);
+        let all = lit.flat_map(|element| lights.clone().map(move |light| of(element, light)));
+        all.filter(|light| light.light != DVec3::ZERO).collect()
+    }
+
+    /// The light that arrives at a patch straight from emitting surfaces.
+    pub(crate) fn sent_by_emitters(&self, patch: usize) -> Vec<PatchLight> {
+        self.sent_by_nodes(patch, &self.emitted)
+    }
+
+    /// The light that arrives at a patch by reflections and from the environment.
+    pub(crate) fn indirect(&self, patch: usize) -> Vec<PatchLight> {
+        let sky = |element: u32| {
+            self.without_a_node(LightSource::Environment, self.sky[self.mesh.node(element) as usize], element)
+        };
+        let mut found = self.sent_by_nodes(patch, &self.reflected);
+        found.extend(self.elements_around(patch).map(sky).filter(|sky| sky.light != DVec3::ZERO));
+        found
+    }
+
+    /// The light that arrives at a patch from nodes of these radiances.
+    fn sent_by_nodes(&self, patch: usize, radiance: &[DVec3]) -> Vec<PatchLight> {
+        let own = self.leaves[patch];
+        let (scale, missing) = self.closure[own as usize];
+        let of = |source: LightSource, node: u32, form_factor: f64, receiver: u32| {
+            let radiance = radiance[node as usize];
+            let receiver_area = self.mesh.elements[receiver as usize].area;
+            PatchLight { source, light: radiance * form_factor, form_factor, radiance, receiver_area }
+        };
+        let linked =
+            |node: u32, form_factor: f64, receiver: u32| of(LightSource::Node(node), node, form_factor, receiver);
+        let mut found: Vec<PatchLight> = match &self.gathering {
+            Some(gathering) => self
+                .elements_around(patch)
+                .flat_map(|element| {
+                    let factors = gathering.of(self.mesh.node(element) as usize).iter();
+                    factors.map(move |&(node, factor)| linked(node, f64::from(factor) * scale, element))
+                })
+                .collect(),
+            None => {
+                let from = |&element: &u32| {
+                    linked(self.mesh.node(element), self.mesh.between(own, element, Effort::Few).factor, own)
+                };
+                self.leaves.par_iter().map(from).collect()
+            }
+        };
+        let own_node = self.mesh.node(own);
+        found.push(of(LightSource::Itself(own_node), own_node, missing, own));
+        found.retain(|light| light.light != DVec3::ZERO);
+        found
+    }
+
+    fn without_a_node(&self, source: LightSource, light: DVec3, receiver: u32) -> PatchLight {
+        PatchLight {
+            source,
+            light,
+            form_factor: 0.0,
+            radiance: DVec3::ZERO,
+            receiver_area: self.mesh.elements[receiver as usize].area,
+        }
+    }
+
+    /// The element of a patch and those that contain it, from the inside out.
+    fn elements_around(&self, patch: usize) -> impl Iterator<Item = u32> {
+        let parent = |&element: &u32| match self.mesh.elements[element as usize].parent {
+            NONE => None,
+            parent => self.mesh.element_of(parent),
+        };
+        std::iter::successors(Some(self.leaves[patch]), parent)
+    }
+
+    /// The centre and the area of a node.
+    pub(crate) fn place_of(&self, node: u32) -> (DVec3, f64) {
+        (self.mesh.ball(node).0, self.mesh.area_of(node))
+    }
+
+    /// A hit of the surface of a node, with the number of its material. None for clusters.
+    pub(crate) fn surface_of(&self, node: u32) -> Option<(Hit, u32)> {
+        let element = self.mesh.element_of(node)?;
+        Some((self.hit_of(element), self.mesh.roots[self.mesh.elements[element as usize].root as usize].material))
+    }
+
+    /// Hits of the surfaces in a cluster, one for each.
+    pub(crate) fn members_of(&self, cluster: u32) -> impl Iterator<Item = Hit> {
+        self.mesh.clusters[cluster as usize].elements.clone().map(|element| self.hit_of(element))
+    }
+
+    fn hit_of(&self, element: u32) -> Hit {
+        let element = &self.mesh.elements[element as usize];
+        let root = &self.mesh.roots[element.root as usize];
+        let primitive = root.primitive_at(element.center);
+        Hit { t: 0.0, instance: root.instance, primitive, part: root.part, uv: [0.0; 2], time: 0.0 }
+    }
+}
