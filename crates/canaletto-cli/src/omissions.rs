@@ -5,6 +5,13 @@ use canaletto::render::Job;
 use canaletto::world::World;
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 
+/// The warnings about what a picture or a solution falls short of. `name` is the name of the scene.
+pub(crate) fn shortfalls(name: &str, warnings: &[String]) -> Diagnostics {
+    let mut all = Diagnostics::new();
+    warnings.iter().for_each(|warning| all.push(Diagnostic::warning(name, format!("{name}: {warning}"))));
+    all
+}
+
 /// The warnings about the picture of this job. `name` is the name of the scene.
 pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnostics {
     let mut all = Diagnostics::new();

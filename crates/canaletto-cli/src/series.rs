@@ -8,7 +8,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::interrupt;
 use crate::layers;
-use crate::omissions::doubt_omissions;
+use crate::omissions::{doubt_omissions, shortfalls};
 use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -157,7 +157,7 @@ impl<'a> Series<'a> {
 
     /// Prints warnings, unless equal ones were printed for another frame.
     fn tell_of(&mut self, warnings: &Diagnostics) {
-        if !self.flags.quiet && self.told.insert(warnings.to_string()) {
+        if !self.flags.quiet && !warnings.is_empty() && self.told.insert(warnings.to_string()) {
             print_diagnostics(warnings, self.plan.style == Style::Json);
         }
     }
@@ -240,6 +240,7 @@ impl<'a> Series<'a> {
         let render = watch.finish().as_secs_f64();
         let (rendering, solution) = rendered?;
         self.tell_of_solves(solution);
+        self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
         let files = if rendering.complete {
             self.save(frame_context, world, &job, &rendering)?

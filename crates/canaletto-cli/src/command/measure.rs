@@ -5,6 +5,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::SourceFlags;
 use crate::format::{count, duration, plural};
 use crate::interrupt;
+use crate::omissions::shortfalls;
 use crate::output::{replaced, write_file};
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
@@ -115,6 +116,10 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     interrupt::Rendering::begins();
     let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
     let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
+    if !flags.quiet {
+        let warnings: Vec<String> = solution.warning(&settings).into_iter().collect();
+        print_diagnostics(&shortfalls(&source.name, &warnings), false);
+    }
     let mut text = String::from(HEADER);
     let mut done = 0;
     for chunk in points.chunks(CHUNK) {

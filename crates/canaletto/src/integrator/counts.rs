@@ -69,17 +69,20 @@ pub struct Counts {
     pub rays: RayCounts,
     /// Other numbers, each with its name.
     pub others: Vec<(&'static str, u64)>,
+    /// What the picture falls short of, in words, with what helps.
+    pub warnings: Vec<String>,
 }
 
 impl From<RayCounts> for Counts {
     fn from(rays: RayCounts) -> Counts {
-        Counts { rays, others: Vec::new() }
+        Counts { rays, ..Counts::default() }
     }
 }
 
 impl AddAssign for Counts {
     fn add_assign(&mut self, o: Counts) {
         self.rays += o.rays;
+        self.warnings.extend(o.warnings);
         for (name, n) in o.others {
             match self.others.iter_mut().find(|(own, _)| *own == name) {
                 Some((_, sum)) => *sum += n,

@@ -80,25 +80,27 @@ impl Decoder<'_> {
             self.scene.integrator = kind;
         }
         let mut integrator = self.scene.integrator;
-        let foreign: &[&[FieldSchema]] = match &mut integrator {
+        let (own, foreign): (&[&[FieldSchema]], &[&[FieldSchema]]) = match &mut integrator {
             Integrator::Whitted(settings) => {
                 self.whitted(fields, settings);
-                &[ZBUFFER, RADIOSITY]
+                (&[WHITTED, &[SHADOWS.schema]], &[ZBUFFER, RADIOSITY])
             }
             Integrator::Zbuffer(settings) => {
                 self.zbuffer(fields, settings);
-                &[WHITTED, RADIOSITY]
+                (&[ZBUFFER, &[SHADOWS.schema]], &[WHITTED, RADIOSITY])
             }
             Integrator::Radiosity(settings) => {
                 self.radiosity(fields, settings);
-                &[WHITTED, ZBUFFER, &[SHADOWS.schema]]
+                (&[RADIOSITY], &[WHITTED, ZBUFFER, &[SHADOWS.schema]])
             }
-            _ => &[],
+            _ => (&[], &[]),
         };
         self.scene.integrator = integrator;
+        let possible: Vec<&str> = own.iter().flat_map(|words| words.iter()).map(|word| word.name).collect();
         for word in foreign.iter().flat_map(|words| words.iter()).filter(|word| fields.has_named(word.name)) {
             let message = format!("the integrator \"{}\" has no {}", integrator.name(), word.name);
-            self.validator.report.push(Message::error(fields.span_of(word.name), message));
+            let message = Message::error(fields.span_of(word.name), message);
+            self.validator.report.push(message.help(format!("possible here: {}", possible.join(", "))));
         }
     }
 

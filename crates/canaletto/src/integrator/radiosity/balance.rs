@@ -180,11 +180,11 @@ pub(super) fn solve(
         }
         slow = if change > before * LEAST_REDUCTION { slow + 1 } else { 0 };
         if slow > 50 || !all.is_finite() {
-            return Err(RadiosityError::Endless);
+            return Err(mesh.endless());
         }
         before = change;
     }
-    Err(RadiosityError::Endless)
+    Err(mesh.endless())
 }
 
 /// The radiance that nodes emit themselves.

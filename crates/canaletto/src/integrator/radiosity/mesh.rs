@@ -346,6 +346,19 @@ impl<'w> PatchMesh<'w> {
         }
     }
 
+    /// The error of light without an end, with the material that absorbs least.
+    pub(super) fn endless(&self) -> RadiosityError {
+        let reflectance = |element: &&Element| element.reflectance.max_element();
+        let brightest = self.elements.iter().max_by(|a, b| reflectance(a).total_cmp(&reflectance(b)));
+        let material = |element: &Element| {
+            self.world.materials()[self.roots[element.root as usize].material as usize].name.clone()
+        };
+        RadiosityError::Endless {
+            material: brightest.map_or_else(String::new, material),
+            reflectance: brightest.map_or(0.0, |element| reflectance(&element)),
+        }
+    }
+
     /// The ball around a node.
     pub(super) fn ball(&self, node: u32) -> (DVec3, f64) {
         match self.element_of(node) {

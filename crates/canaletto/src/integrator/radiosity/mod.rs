@@ -71,7 +71,7 @@ pub enum RadiosityError {
     #[error(transparent)]
     Range(#[from] OutOfRange),
     /// A material reflects more light than arrives.
-    #[error("material \"{material}\" reflects {reflectance} of the light; radiosity needs a kd of at most 1")]
+    #[error("material \"{material}\" reflects {} of the light; radiosity needs a kd of at most 1", *.reflectance as f32)]
     Reflectance {
         /// The material's name.
         material: String,
@@ -79,16 +79,30 @@ pub enum RadiosityError {
         reflectance: f64,
     },
     /// Light grows from bounce to bounce without end.
-    #[error("the light has no end: closed rooms of materials with kd 1 absorb nothing; a smaller kd helps")]
-    Endless,
+    #[error(
+        "the light has no end: material \"{material}\" reflects {} of it in a closed room; a smaller kd helps",
+        *.reflectance as f32
+    )]
+    Endless {
+        /// The material that absorbs least.
+        material: String,
+        /// Its largest diffuse reflectance.
+        reflectance: f64,
+    },
     /// Nothing gives light.
-    #[error("nothing gives light: radiosity needs a light, a material with an emission or an environment")]
+    #[error(
+        "nothing gives light: radiosity needs a light, a material with an emission or an environment; ambient light and \
+         the background are none"
+    )]
     Dark,
     /// No surface has patches.
-    #[error("the scene has no surface to light, or only planes; radiosity needs a shape with bounds")]
+    #[error("no surface has an area that can be cut into patches; an infinite plane needs other shapes beside it")]
     NoPatches,
     /// The surfaces need more patches than the limit before any is subdivided.
-    #[error("the scene's surfaces need more than {limit} patches; a larger max-patches or error helps")]
+    #[error(
+        "the scene's surfaces need more than {limit} patches before any is divided; a larger max-patches helps, or a \
+         larger error if there are many curved surfaces"
+    )]
     TooManyPatches {
         /// The limit.
         limit: usize,

@@ -78,6 +78,8 @@ impl DiffuseLight for ShownSolution {
 pub(crate) struct PreparedRadiosity {
     shown: ShownSolution,
     settings: WhittedSettings,
+    /// What the solution falls short of.
+    warning: Option<String>,
 }
 
 impl PreparedRadiosity {
@@ -117,6 +119,7 @@ impl PreparedRadiosity {
         let is_interpolated = show != RadiosityShow::Patches;
         let is_full = show == RadiosityShow::Full;
         PreparedRadiosity {
+            warning: solution.warning(settings),
             shown: ShownSolution { solution, shown, is_interpolated, is_full, light_samples },
             settings: second_pass(show),
         }
@@ -156,10 +159,7 @@ impl PreparedRayIntegrator for PreparedRadiosity {
         if solution.emitters.excess > 0 {
             others.push(("emitting polygons that light as patches", solution.emitters.excess as u64));
         }
-        if solution.limit_reached {
-            others.push(("patch limit reached", 1));
-        }
-        Counts { others, ..Counts::default() }
+        Counts { others, warnings: self.warning.iter().cloned().collect(), ..Counts::default() }
     }
 
     fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> Whitted<'a> {

@@ -148,7 +148,7 @@ pub(super) fn shooting(
         }
         if steps % leaves.len() == 0 {
             if left.max_element() > last_round * LEAST_REDUCTION {
-                return Err(RadiosityError::Endless);
+                return Err(mesh.endless());
             }
             last_round = left.max_element();
         }

@@ -9,7 +9,7 @@ use super::outline::Outline;
 use super::solved_root::SolvedRoot;
 use crate::Named;
 use crate::job::{Job, JobError};
-use crate::scene::Integrator;
+use crate::scene::{Integrator, RadiositySettings};
 use crate::world::World;
 use glam::DVec3;
 
@@ -222,6 +222,17 @@ impl RadiositySolution {
             Integrator::Radiosity(_) => Err(JobError::Radiosity("the solution is one of another scene".into())),
             _ => Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name()))),
         }
+    }
+
+    /// What the solution falls short of, in words, with what helps. `settings` are those that it was solved with.
+    pub fn warning(&self, settings: &RadiositySettings) -> Option<String> {
+        let RadiositySettings { max_patches, error, .. } = settings;
+        self.limit_reached.then(|| {
+            format!(
+                "radiosity reached the limit of {max_patches} patches, so that light is less exact than the error of \
+                 {error}; a larger max-patches or a larger error helps"
+            )
+        })
     }
 
     /// All patches.
