@@ -6,7 +6,10 @@ use canaletto::camera::Camera;
 use canaletto::causes::{Cause, Causes, MethodPicture, find_causes};
 use canaletto::film::Picture;
 use canaletto::render::{Aov, Job, render};
-use canaletto::scene::{Integrator, Sampling, Scene, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
+use canaletto::scene::{
+    Integrator, RadiositySettings, RadiosityShow, Sampling, Scene, Shading, ShadowMethod, Stage, WhittedSettings,
+    ZbufferSettings,
+};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene;
@@ -170,6 +173,31 @@ fn light_from_other_surfaces() {
     job.integrator = WhittedSettings { stage: Stage::Ambient, ..WhittedSettings::default() }.into();
     let without = WhittedSettings { stage: Stage::Diffuse, ..WhittedSettings::default() };
     only(&causes_of(&world, &job, without), &[Cause::IndirectLight], WHOLE);
+}
+
+/// Rooms in which the light from wall to wall is all that the classic integrator leaves out. Mirrors show it, too.
+#[test]
+fn light_from_wall_to_wall() {
+    let walls = "material \"w\" { kd 0.6 0.5 0.4 }\nmaterial \"red\" { kd 0.8 0.1 0.1 }\n\
+                 box name=\"room\" material=\"w\" { min -2 -2 -1; max 2 2 7 }\n\
+                 box name=\"cupboard\" material=\"red\" { min -0.9 -2 -0.9; max -0.3 0.2 -0.2 }\n";
+    let bulb = "light \"omni\" name=\"bulb\" { position 0.5 1 3; intensity 0.6 0.6 0.6 }\n";
+    let lamp = "material \"lamp\" { kd 0; emission 4 4 3 }\nmaterial \"silver\" { kd 0.1 0.1 0.1; k 0.8 }\n\
+                box name=\"lamp\" material=\"lamp\" { min 0 1.9 2; max 1 2 3 }\n\
+                sphere name=\"ball\" material=\"silver\" { center 0.5 -0.2 0; radius 0.4 }\n";
+    for lights in [bulb, lamp] {
+        let (world, job) = scene(&format!("{walls}{lights}"));
+        for show in [RadiosityShow::Full, RadiosityShow::Solution] {
+            // A solution without a second pass has no mirrors.
+            let allowed: &[Cause] = match show {
+                RadiosityShow::Solution if lights == lamp => &[Cause::IndirectLight, Cause::Mirror, Cause::Several],
+                _ => &[Cause::IndirectLight],
+            };
+            let settings = RadiositySettings { error: 0.05, show, ..RadiositySettings::DEFAULT };
+            let causes = causes_of(&world, &job, Integrator::Radiosity(settings));
+            only(&causes, allowed, WHOLE * 3 / 4);
+        }
+    }
 }
 
 /// Of a pixel whose cause is a mirror, the difference is mostly the layer of reflections; and so on.

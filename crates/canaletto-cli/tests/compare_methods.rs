@@ -64,6 +64,29 @@ fn thresholds_and_files() {
     says(&run(&arguments, &folder.path().join("out.exr")), 0, &["out.whitted.exr"]);
 }
 
+/// A lamp that shines on a room by radiosity, and on nothing by classic ray tracing.
+#[test]
+fn radiosity_differs_by_indirect_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("out.png");
+    let room = ["scenes/red-wall.kdl", "--size", "60x60", "--methods", "whitted,radiosity", "-q"];
+    let output = run(&[&room[..], &["--json", "--threshold", "unexplained=0"]].concat(), &file);
+    says(&output, 0, &[]);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let comparison = &found["comparisons"][0];
+    assert_eq!((&found["reference"], &comparison["method"]), (&"whitted".into(), &"radiosity".into()));
+    let causes = comparison["causes"].as_array().unwrap();
+    assert_eq!(causes.len(), 1, "{comparison}");
+    assert_eq!(causes[0]["cause"], "indirect light");
+    assert!(
+        causes[0]["pixels"].as_u64().unwrap() > 2000 && causes[0]["worst"]["shares"][0]["share"] == 1.0,
+        "{comparison}"
+    );
+    for method in ["whitted", "radiosity"] {
+        assert!(folder.path().join(format!("out.{method}.png")).exists());
+    }
+}
+
 #[test]
 fn mistakes_are_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -93,25 +116,33 @@ fn the_book_shows_a_true_triangle() {
     assert!(said.contains(&page[start..end]), "{said}");
 }
 
-/// The book's picture and its numbers are those of the command above them.
+/// The book's pictures and its numbers are those of the command above them.
 #[test]
 fn the_book_shows_a_true_comparison() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("zbuffer-causes.png");
-    let output = run(&["scenes/zbuffer.kdl", "--size", "400x250", "-q"], &file);
+    let output = run(&["scenes/canal.kdl", "--size", "400x250", "-q"], &file);
     says(&output, 0, &[]);
     let said = String::from_utf8(output.stdout).unwrap();
     let numbers = said.split_once("\n\n").unwrap().1;
-    let (golden, page) = (root().join("docs/pictures/zbuffer-causes.png"), root().join("docs/zbuffer.md"));
+    let page = root().join("docs/zbuffer.md");
+    let golden = |name: &str| root().join("docs/pictures").join(name);
+    let pictures = [
+        (file, golden("zbuffer-causes.png")),
+        (folder.path().join("zbuffer-causes.whitted.png"), golden("canal.png")),
+        (folder.path().join("zbuffer-causes.zbuffer.png"), golden("canal-zbuffer.png")),
+    ];
     let text = std::fs::read_to_string(&page).unwrap();
     let start = text.find("zbuffer against whitted").expect("the page has the numbers");
     let end = start + text[start..].find("```").expect("the block ends");
     if std::env::var_os("CANALETTO_BLESS").is_some() {
-        std::fs::copy(&file, &golden).unwrap();
+        pictures.iter().for_each(|(file, golden)| assert!(std::fs::copy(file, golden).is_ok()));
         std::fs::write(&page, format!("{}{numbers}{}", &text[..start], &text[end..])).unwrap();
         return;
     }
     let of = |path: &Path| canaletto_io::picture::decode(&std::fs::read(path).unwrap()).unwrap().image;
-    assert!(of(&file) == of(&golden), "docs/pictures/zbuffer-causes.png is old; CANALETTO_BLESS=1 writes it anew");
+    for (file, golden) in pictures {
+        assert!(of(&file) == of(&golden), "{} is old; CANALETTO_BLESS=1 writes it anew", golden.display());
+    }
     assert_eq!(&text[start..end], numbers);
 }

@@ -19,7 +19,10 @@ fn render(scene: &str, flags: &[&str]) -> (i32, String, Vec<String>) {
     write("s.kdl", scene);
     write("flat.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\nf 1 1 1\n");
     let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.args(["render", "s.kdl", "-o", "out.png", "--progress", "off"]).args(flags);
+    command.args(["render", "s.kdl", "-o", "out.png"]).args(flags);
+    if !flags.contains(&"--progress") {
+        command.args(["--progress", "none"]);
+    }
     let output = command.current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
     let names = |path: &Path| -> Vec<String> {
         let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
