@@ -76,6 +76,14 @@ fn files_of_all_formats() {
         folder.says(&format!("bake room.kdl -q --threads {threads}"), 0, &[]);
         assert!(fs::read(folder.path("room.glb")).unwrap() == first, "{threads} threads");
     }
+    // A solution that was saved makes the same file.
+    folder.says("render room.kdl -q -o room.png --save-solution room.rad", 0, &[]);
+    folder.says("bake room.kdl -q --solution room.rad", 0, &[]);
+    assert!(fs::read(folder.path("room.glb")).unwrap() == first, "with a saved solution");
+    folder.says("bake room.kdl -o room.rad --solution room.rad", 2, &["can't be written as .rad"]);
+    folder.says("bake room.kdl --solution room.rad --set integrator.error=0.2", 3, &["--solution room.rad"]);
+    fs::remove_file(folder.path("room.rad")).unwrap();
+    fs::remove_file(folder.path("room.png")).unwrap();
     folder.says("bake room.kdl --maps light -o a.glb --size 128", 0, &["a.glb: ", "a.light.exr: ", "128 x 128"]);
     folder.says("bake room.kdl -o b.OBJ --texels-per-unit 10 -q", 0, &[]);
     let all = ["a.glb", "a.light.exr", "b.OBJ", "b.light.exr", "b.mtl", "b.png", "room.glb"];

@@ -8,10 +8,11 @@ use crate::format::{bytes, count, duration, plural};
 use crate::interrupt;
 use crate::output::{check_files, replaced, unfit, write_files};
 use crate::progress::{ProgressDisplay, ProgressFlag, RunProgress, Style, emit};
+use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::Named;
 use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, TexelDensity};
-use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution};
+use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::memory;
 use canaletto::scene::{FilmSettings, Integrator, RadiositySettings, Scene, Tone};
 use canaletto_io::export::{Export, ExportFormat, LightMaps, UpAxis};
@@ -40,6 +41,9 @@ pub(crate) struct BakeFlags {
     /// Fails if a file exists already, instead of replacing it
     #[arg(long, help_heading = "Output")]
     pub no_clobber: bool,
+
+    #[command(flatten)]
+    pub solution: GivenSolutionFlags,
 
     /// Sets what the textures hold
     #[arg(long, value_name = "WHAT", default_value = "combined", value_parser = named::<LightMaps>(), help_heading = "Light map")]
@@ -89,7 +93,8 @@ Examples:
   canaletto bake scenes/gallery-room.kdl --size 2048 -o gallery.glb
   canaletto bake scenes/cornell-box.kdl --maps light -o room.glb   # and room.light.exr
   canaletto bake scenes/cornell-box.kdl -o room.obj   # and .mtl, .png, .light.exr
-  canaletto bake scenes/cornell-box.kdl --set integrator.error=0.003 -o fine.glb";
+  canaletto bake scenes/cornell-box.kdl --set integrator.error=0.003 -o fine.glb
+  canaletto bake scenes/cornell-box.kdl --solution cornell.rad -o room.glb";
 
 /// The number of texels for each unit of length.
 fn density(text: &str) -> Result<f64, String> {
@@ -110,6 +115,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let format = format_of(&output)?;
     let files: Vec<PathBuf> = format.endings(flags.maps).iter().map(|ending| beside(&output, ending)).collect();
     check_files(files.clone(), &output, flags.no_clobber)?;
+    SolutionFlags::from(&flags.solution).check_files(&files, flags.no_clobber)?;
     let mut reader = Reader::open(&flags.source)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
@@ -126,6 +132,9 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
         Integrator::Radiosity(settings) => settings,
         _ => RadiositySettings::default(),
     };
+    let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
+    let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
+    solutions.check(&fingerprint)?;
     let (world, _) = build(&name, source.scene, &flags.source.build_options(0), None)?;
     let style = Style::new(flags.progress, flags.quiet);
     let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
@@ -133,19 +142,16 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let _baking = interrupt::Rendering;
     interrupt::Rendering::begins();
     memory::working_at("solving the light");
-    let solution = match RadiositySolution::solve(&world, &settings, &watch) {
-        Ok(solution) => solution,
-        Err(RadiosityError::Cancelled) => return Ok(Exit::Interrupted),
-        Err(problem) => return Err(Failure::new(Exit::Scene, format!("{name}: {problem}"))),
-    };
+    let solved = solutions.solution(&name, &world, &fingerprint, &settings, &watch, &mut ())?;
+    let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
     memory::working_at("baking the light map");
     let density = match (flags.size, flags.texels_per_unit) {
         (Some(side), _) => TexelDensity::ForSide(side),
         (None, Some(density)) => TexelDensity::PerUnit(density),
         (None, None) => TexelDensity::ByPatches,
     };
-    let settings = BakeSettings { density, dark_sides: flags.dark_sides };
-    let baked = match BakedScene::bake(&world, &solution, &settings, &watch) {
+    let bake = BakeSettings { density, dark_sides: flags.dark_sides };
+    let baked = match BakedScene::bake(&world, (&solution, &settings), &bake, &watch) {
         Ok(baked) => baked,
         Err(BakeError::Cancelled) => return Ok(Exit::Interrupted),
         Err(problem) => return Err(unbaked(&name, &problem)),

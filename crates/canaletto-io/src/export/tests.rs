@@ -42,10 +42,10 @@ fn scene() -> Scene {
 
 fn baked() -> (World, BakedScene) {
     let world = World::build(scene()).unwrap();
-    let settings = RadiositySettings { error: 0.1, ..RadiositySettings::DEFAULT };
-    let solution = RadiositySolution::solve(&world, &settings, &()).unwrap();
+    let radiosity = RadiositySettings { error: 0.1, ..RadiositySettings::DEFAULT };
+    let solution = RadiositySolution::solve(&world, &radiosity, &()).unwrap();
     let settings = BakeSettings { density: TexelDensity::ForSide(128), dark_sides: true };
-    let baked = BakedScene::bake(&world, &solution, &settings, &()).unwrap();
+    let baked = BakedScene::bake(&world, (&solution, &radiosity), &settings, &()).unwrap();
     (world, baked)
 }
 

@@ -22,9 +22,10 @@ pub use layout::TexelDensity;
 pub use mesh::{BakedMesh, BakedPart, BakedVertex};
 
 use crate::OutOfRange;
-use crate::integrator::radiosity::RadiositySolution;
+use crate::integrator::radiosity::{RadiosityError, RadiositySolution, SolvedRoot};
 use crate::job::Observer;
 use crate::material::MaterialPoint;
+use crate::scene::RadiositySettings;
 use crate::world::World;
 use boundary::Boundaries;
 use canaletto_bvh::{NoThreads, with_stack};
@@ -111,9 +112,12 @@ pub enum BakeError {
         /// The side of the atlas.
         side: u32,
     },
-    /// The solution was read from a file.
-    #[error("the solution was read from a file, which doesn't hold what a light map needs: solve it again")]
-    NoRoots,
+    /// The solution isn't one of the world with the settings.
+    #[error("the solution is that of another scene, or of other settings of radiosity")]
+    OtherSolution,
+    /// The surfaces can't be divided into patches.
+    #[error(transparent)]
+    Radiosity(#[from] RadiosityError),
     /// No light arrives at any surface.
     #[error("no light arrives at any surface")]
     Dark,
@@ -133,31 +137,31 @@ const STACK: usize = 256 << 10;
 const STACK_OF_GROUP: usize = 16 << 10;
 
 impl BakedScene {
-    /// Makes the light map of a world's solution. The result depends on its arguments only: any number of threads gives
+    /// Makes the light map of a world's solution, which was found with the settings `radiosity`. The result depends on its arguments only: any number of threads gives
     /// equal bits.
     ///
     /// # Errors
     /// [`BakeError`] names the reason.
     pub fn bake(
         world: &World,
-        solution: &RadiositySolution,
+        (solution, radiosity): (&RadiositySolution, &RadiositySettings),
         settings: &BakeSettings,
         observer: &dyn Observer,
     ) -> Result<BakedScene, BakeError> {
-        with_stack(STACK + STACK_OF_GROUP * world.most_groups(), || baked(world, solution, settings, observer))?
+        with_stack(STACK + STACK_OF_GROUP * world.most_groups(), || {
+            let roots = SolvedRoot::all(world, radiosity, solution)?.ok_or(BakeError::OtherSolution)?;
+            baked(world, solution, &roots, settings, observer)
+        })?
     }
 }
 
 fn baked(
     world: &World,
     solution: &RadiositySolution,
+    roots: &[SolvedRoot],
     settings: &BakeSettings,
     observer: &dyn Observer,
 ) -> Result<BakedScene, BakeError> {
-    let roots = solution.solved_roots();
-    if roots.is_empty() {
-        return Err(BakeError::NoRoots);
-    }
     let boundaries = Boundaries::new(roots).map_err(|problem| BakeError::Hierarchy(problem.to_string()))?;
     let constant: Vec<Option<MaterialPoint>> =
         roots.par_iter().map(|root| texels::constant_material(world, root)).collect();
@@ -178,7 +182,7 @@ fn baked(
     }
     let layout = layout::layout(&charts, solution, settings.density)?;
     let texel = if layout.texels_per_unit > 0.0 { 1.0 / layout.texels_per_unit } else { 0.0 };
-    let shading = texels::Shading { world, solution, constant, texel };
+    let shading = texels::Shading { world, solution, roots, constant, texel };
     let atlas = texels::atlas(&shading, &charts, &layout, observer)?;
     let meshes = mesh::meshes(world, roots, &boundaries, &charts, &layout, &shading.constant);
     Ok(BakedScene {

@@ -64,13 +64,20 @@ fn room(scale: f32) -> World {
     world_of(shapes, scale)
 }
 
-fn solved(world: &World, error: f32) -> RadiositySolution {
+/// A solution with the settings that it was found with.
+type Solved = (RadiositySolution, RadiositySettings);
+
+fn solved(world: &World, error: f32) -> Solved {
     let settings = RadiositySettings { error, ..RadiositySettings::DEFAULT };
-    RadiositySolution::solve(world, &settings, &()).unwrap()
+    (RadiositySolution::solve(world, &settings, &()).unwrap(), settings)
 }
 
-fn bake(world: &World, solution: &RadiositySolution, density: TexelDensity) -> BakedScene {
-    BakedScene::bake(world, solution, &all_sides(density), &()).unwrap()
+fn try_bake(world: &World, (solution, radiosity): &Solved, settings: &BakeSettings) -> Result<BakedScene, BakeError> {
+    BakedScene::bake(world, (solution, radiosity), settings, &())
+}
+
+fn bake(world: &World, solution: &Solved, density: TexelDensity) -> BakedScene {
+    try_bake(world, solution, &all_sides(density)).unwrap()
 }
 
 fn all_sides(density: TexelDensity) -> BakeSettings {
@@ -188,12 +195,12 @@ fn texels_have_the_light_of_the_solution() {
             let point: DVec3 = (0..3).map(|i| triangle[i].position.as_dvec3() * weights[i]).sum();
             let normal = triangle[0].normal;
             // The facets of curved surfaces and what stands on the floor leave gaps in which rays meet others first.
-            let Some(light) = light_there(&world, &solution, point, normal) else { continue };
+            let Some(light) = light_there(&world, &solution.0, point, normal) else { continue };
             let found = DVec3::from_array(baked.atlas.light[texel].map(f64::from));
             // Where two pieces meet, either may be asked.
             let near = [[1e-4, 0.0], [-1e-4, 0.0], [0.0, 1e-4], [0.0, -1e-4]].map(|[x, y]| {
                 let (along, across) = normal.as_dvec3().any_orthonormal_pair();
-                light_there(&world, &solution, point + along * x + across * y, normal).unwrap_or(light)
+                light_there(&world, &solution.0, point + along * x + across * y, normal).unwrap_or(light)
             });
             let error_of = |light: DVec3| (found - light).abs().max_element();
             let error = near.into_iter().chain([light]).map(error_of).fold(f64::INFINITY, f64::min);
@@ -288,7 +295,7 @@ fn both_sides_of_a_sheet_have_their_own_light() {
     let lamp = cuboid([-0.25, 1.0, -0.25], [0.25, 1.1, 0.25]);
     let world = world_of(shapes.into_iter().map(|shape| (shape, 0)).chain([(lamp, 1)]), 1.0);
     let solution = solved(&world, 0.05);
-    let lit = BakedScene::bake(&world, &solution, &BakeSettings::default(), &()).unwrap();
+    let lit = try_bake(&world, &solution, &BakeSettings::default()).unwrap();
     let is_of_sheet = |triangle: &&[BakedVertex; 3]| triangle.iter().all(|vertex| vertex.position.y == 0.0);
     let of_sheet = triangles(&lit).iter().filter(is_of_sheet).copied().collect::<Vec<_>>();
     assert!(!of_sheet.is_empty() && of_sheet.iter().flatten().all(|vertex| vertex.normal == Vec3::Y));
@@ -356,7 +363,7 @@ fn threads_and_powers_of_two_change_no_bit() {
 fn errors_name_what_fits() {
     let world = room(1.0);
     let solution = solved(&world, 0.1);
-    let error = |density| match BakedScene::bake(&world, &solution, &all_sides(density), &()) {
+    let error = |density| match try_bake(&world, &solution, &all_sides(density)) {
         Err(error) => error,
         Ok(_) => panic!("it doesn't fit"),
     };
@@ -365,17 +372,20 @@ fn errors_name_what_fits() {
     let rows = (0..400).map(|i| [(i % 20) as f32 * 2.0, 0.0, (i / 20) as f32 * 2.0]);
     let boxes = rows.map(|min| (cuboid(min, min.map(|v| v + 1.0)), 0)).chain([(cuboid([0.0, 9.0, 0.0], [40.0; 3]), 1)]);
     let boxes = world_of(boxes, 1.0);
-    let small = BakedScene::bake(&boxes, &solved(&boxes, 0.5), &all_sides(TexelDensity::ForSide(64)), &());
+    let small = try_bake(&boxes, &solved(&boxes, 0.5), &all_sides(TexelDensity::ForSide(64)));
     assert!(matches!(small.err(), Some(BakeError::TooManyCharts { side: 64, .. })));
     for density in [TexelDensity::PerUnit(0.0), TexelDensity::PerUnit(f64::NAN), TexelDensity::ForSide(7)] {
         assert!(matches!(error(density), BakeError::Range(_)), "{density:?}");
     }
+    let other = RadiositySettings { error: 0.3, ..solution.1 };
+    let mixed = BakedScene::bake(&world, (&solution.0, &other), &BakeSettings::default(), &());
+    assert_eq!(mixed.err(), Some(BakeError::OtherSolution));
     struct Cancelled;
     impl Observer for Cancelled {
         fn cancelled(&self) -> bool {
             true
         }
     }
-    let cancelled = BakedScene::bake(&world, &solution, &BakeSettings::default(), &Cancelled);
+    let cancelled = BakedScene::bake(&world, (&solution.0, &solution.1), &BakeSettings::default(), &Cancelled);
     assert_eq!(cancelled.err(), Some(BakeError::Cancelled));
 }

@@ -107,6 +107,7 @@ struct Shaded {
 pub(super) struct Shading<'a> {
     pub(super) world: &'a World,
     pub(super) solution: &'a RadiositySolution,
+    pub(super) roots: &'a [SolvedRoot],
     /// For each root, its material if it is the same everywhere.
     pub(super) constant: Vec<Option<MaterialPoint>>,
     /// The length of a texel.
@@ -115,7 +116,7 @@ pub(super) struct Shading<'a> {
 
 impl Shading<'_> {
     fn at(&self, number: u32, point: DVec3) -> Option<Shaded> {
-        let root = &self.solution.solved_roots()[number as usize];
+        let root = &self.roots[number as usize];
         let (_, light) = self.solution.light_on(root, point)?;
         let light = light.sum();
         let at = match &self.constant[number as usize] {
@@ -170,7 +171,7 @@ pub(super) fn atlas(
     let mut radiance = vec![[0.0; 3]; count];
     let mut reflectance = vec![[0.0; 4]; count];
     let mut known = vec![false; count];
-    let roots = shading.solution.solved_roots();
+    let roots = shading.roots;
     for (charts, places) in charts.chunks(CHUNK).zip(layout.charts.chunks(CHUNK)) {
         if observer.cancelled() {
             return Err(BakeError::Cancelled);

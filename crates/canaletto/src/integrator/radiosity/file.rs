@@ -60,8 +60,6 @@ impl RadiositySolution {
             elements,
             interpolation: Interpolation { points, light, firsts, boundary },
             emitters: Emitters { polygons, excess },
-            // Light maps are made of solutions that were just solved.
-            solved_roots: _,
             roots,
             origin,
             primitives,
@@ -132,7 +130,6 @@ impl RadiositySolution {
             elements,
             interpolation,
             emitters: Emitters { polygons, excess },
-            solved_roots: Vec::new(),
             roots,
             origin,
             primitives,

@@ -6,7 +6,6 @@ use super::hierarchical::Given;
 use super::interpolation::{BlendedLight, Interpolation};
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
-use super::solved_root::SolvedRoot;
 use crate::Named;
 use crate::job::{Job, JobError};
 use crate::scene::{Integrator, RadiositySettings};
@@ -122,8 +121,6 @@ pub struct RadiositySolution {
     pub(super) elements: Vec<SolvedElement>,
     pub(super) interpolation: Interpolation,
     pub(super) emitters: Emitters,
-    /// The roots, with what light maps need of them; none in a solution that was read from a file.
-    pub(super) solved_roots: Vec<SolvedRoot>,
     /// The places of roots, in order.
     pub(super) roots: Vec<RootPlace>,
     /// The origin of the world's coordinates, and the number of its primitives.
@@ -142,7 +139,6 @@ impl RadiositySolution {
         let Balanced { given: Given { lit, sky, .. }, light, residual, exchanges, .. } = balanced;
         let [mut lit, mut sky] = [lit, sky].map(Vec::clone);
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut solved_roots = Vec::new();
         for (number, element) in mesh.elements.iter().enumerate() {
             let node = mesh.clusters.len() + number;
             let root = &mesh.roots[element.root as usize];
@@ -151,7 +147,6 @@ impl RadiositySolution {
                 lit[node] += above;
                 sky[node] += sky_above;
             } else {
-                solved_roots.push(SolvedRoot::new(root, number as u32));
                 let [first, second] = root.primitives;
                 roots.push((root.instance, first, root.is_outer, root.part, number as u32));
                 if second != first {
@@ -194,7 +189,6 @@ impl RadiositySolution {
             patches,
             outlines,
             elements,
-            solved_roots,
             roots,
             origin: mesh.world.origin(),
             primitives: mesh.world.primitives(),

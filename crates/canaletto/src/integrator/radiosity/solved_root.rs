@@ -1,8 +1,10 @@
 //! Roots of a solution: one side of each surface before it was subdivided, for methods that visit all light.
 
+use super::mesh::{Element, PatchMesh};
 use super::root::Root;
-use super::{ArrivingLight, Patch, RadiositySolution};
+use super::{ArrivingLight, Patch, RadiosityError, RadiositySettings, RadiositySolution};
 use crate::math::DRay;
+use crate::world::World;
 use glam::DVec3;
 
 /// One side of a flat surface, or of a facet of a curved one, of which some part is bare.
@@ -14,10 +16,33 @@ pub(crate) struct SolvedRoot {
 }
 
 impl SolvedRoot {
-    pub(super) fn new(root: &Root, element: u32) -> SolvedRoot {
-        let mut root = root.clone();
-        root.contacts = Vec::new();
-        SolvedRoot { root, element }
+    /// The roots of a solution, in the order of the mesh. World and settings are those that it was solved with; `None` if
+    /// they aren't.
+    ///
+    /// # Errors
+    /// As solving.
+    pub(crate) fn all(
+        world: &World,
+        settings: &RadiositySettings,
+        solution: &RadiositySolution,
+    ) -> Result<Option<Vec<SolvedRoot>>, RadiosityError> {
+        // A solution keeps no roots. The same world and settings make the same mesh again, before refinement.
+        let mut mesh = PatchMesh::new(world, settings)?;
+        let is_root = |element: &Element| mesh.element_of(element.parent).is_none();
+        let elements = mesh.elements.iter().enumerate().filter(|(_, element)| is_root(element));
+        let elements: Vec<(u32, u32)> = elements.map(|(number, element)| (number as u32, element.root)).collect();
+        let is_solved = |&(number, _): &(u32, u32)| {
+            let solved = solution.elements.get(number as usize);
+            solved.is_some_and(|solved| solved.outline == mesh.elements[number as usize].outline)
+        };
+        if elements.is_empty() || !elements.iter().all(is_solved) {
+            return Ok(None);
+        }
+        for root in &mut mesh.roots {
+            root.contacts = Vec::new();
+        }
+        let root = |&(element, root): &(u32, u32)| SolvedRoot { root: mesh.roots[root as usize].clone(), element };
+        Ok(Some(elements.iter().map(root).collect()))
     }
 
     /// The corners, three or those of a parallelogram, counter-clockwise when seen from this side.
@@ -76,11 +101,6 @@ impl SolvedRoot {
 }
 
 impl RadiositySolution {
-    /// All roots, in the order of the mesh. None in a solution that was read from a file.
-    pub(crate) fn solved_roots(&self) -> &[SolvedRoot] {
-        &self.solved_roots
-    }
-
     /// Whether no light arrives anywhere on a root.
     pub(crate) fn is_dark(&self, root: &SolvedRoot) -> bool {
         let mut waiting = vec![root.element];
