@@ -303,8 +303,8 @@ fn other_files_are_refused_with_their_reason() {
     assert!(matches!(read(&longer), Err(SolutionFileError::Damaged)));
 }
 
-/// A file of version 1 is read, and written again as it is. Other bytes are another version of the format: raise it, and
-/// write the file anew with CANALETTO_BLESS=1.
+/// A file of this version is read, and written again as it is. Other bytes are another version of the format: raise it,
+/// and write the file anew with CANALETTO_BLESS=1.
 #[test]
 fn the_format_is_that_of_its_version() {
     if std::env::var_os("CANALETTO_BLESS").is_some() {
