@@ -137,8 +137,8 @@ const STACK: usize = 256 << 10;
 const STACK_OF_GROUP: usize = 16 << 10;
 
 impl BakedScene {
-    /// Makes the light map of a world's solution, which was found with the settings `radiosity`. The result depends on its arguments only: any number of threads gives
-    /// equal bits.
+    /// Makes the light map of a world's solution, which was found with the settings `radiosity`. The result depends on
+    /// its arguments only: any number of threads gives equal bits.
     ///
     /// # Errors
     /// [`BakeError`] names the reason.

@@ -18,7 +18,7 @@ pub struct RadiosityNode {
     /// The part of the solution's light that the picture takes.
     pub shown: ShownLight,
     /// The places whose light is blended: the patch's centre, and for interpolated light two vertices of its outline.
-    /// The light at a vertex is the mean of the patches around it.
+    /// The light of each place is a sum over the links around it with form factors of its own.
     pub corners: Vec<CornerNode>,
     /// The shown part of the weighted mean over the corners, divided by the sum of the weights. All light is the
     /// radiance of a white surface in it.

@@ -217,15 +217,20 @@ impl PatchMesh<'_> {
 
     /// The factor of a link from `source` to a cluster, for one of the root elements in the cluster.
     pub(super) fn factor_of_member(&self, member: u32, source: u32) -> f64 {
-        let (element, normal) = (&self.elements[member as usize], self.normal_of(member));
+        self.factor_at(self.elements[member as usize].center, self.normal_of(member), source)
+    }
+
+    /// The form factor from a point of a surface with a unit normal to a node in full view. That to a cluster is
+    /// estimated.
+    pub(super) fn factor_at(&self, point: DVec3, normal: DVec3, source: u32) -> f64 {
         match self.element_of(source) {
             Some(source) => {
                 let source = &self.elements[source as usize];
-                point_to_polygon(element.center, normal, source.outline.corners()) * source.bare_share()
+                point_to_polygon(point, normal, source.outline.corners()) * source.bare_share()
             }
             None => {
                 let cluster = &self.clusters[source as usize];
-                let way = cluster.center - element.center;
+                let way = cluster.center - point;
                 let distance = way.length();
                 let direction = way / distance;
                 let seen = cluster.sums.projected(-direction) / (PI * distance * distance);

@@ -58,7 +58,7 @@ impl RadiositySolution {
             patches,
             outlines: _,
             elements,
-            interpolation: Interpolation { points, light, firsts, boundary },
+            interpolation: Interpolation { points, light, centers, firsts, boundary },
             emitters: Emitters { polygons, excess },
             roots,
             origin,
@@ -77,6 +77,7 @@ impl RadiositySolution {
         writer.list(roots)?;
         writer.list(points)?;
         writer.list(light)?;
+        writer.list(centers)?;
         writer.list(firsts)?;
         writer.list(boundary)?;
         writer.list(polygons)?;
@@ -114,7 +115,7 @@ impl RadiositySolution {
         let patches: Vec<Patch> = reader.list()?;
         let elements: Vec<SolvedElement> = reader.list()?;
         let roots = reader.list()?;
-        let (points, light) = (reader.list()?, reader.list()?);
+        let (points, light, centers) = (reader.list()?, reader.list()?, reader.list()?);
         let (firsts, boundary) = (reader.list()?, reader.list()?);
         let polygons = reader.list()?;
         let excess = usize::try_from(u64::take(&mut reader)?).map_err(|_| SolutionFileError::Damaged)?;
@@ -123,7 +124,7 @@ impl RadiositySolution {
             return Err(SolutionFileError::Damaged);
         }
         let outlines = elements.iter().filter(|element| element.parts == 0).map(|element| element.outline).collect();
-        let interpolation = Interpolation { points, light, firsts, boundary };
+        let interpolation = Interpolation { points, light, centers, firsts, boundary };
         let solution = RadiositySolution {
             patches,
             outlines,
@@ -145,7 +146,7 @@ impl RadiositySolution {
 /// without end.
 fn has_valid_numbers(solution: &RadiositySolution) -> bool {
     let RadiositySolution { patches, elements, roots, interpolation, .. } = solution;
-    let Interpolation { points, light, firsts, boundary } = interpolation;
+    let Interpolation { points, light, centers, firsts, boundary } = interpolation;
     let mut leaves = 0;
     let elements_fit = elements.iter().enumerate().all(|(number, element)| {
         if element.parts == 0 {
@@ -163,6 +164,7 @@ fn has_valid_numbers(solution: &RadiositySolution) -> bool {
         && roots.is_sorted()
         && roots.iter().all(|root| (root.4 as usize) < elements.len())
         && light.len() == points.len()
+        && centers.len() == patches.len()
         && firsts.len() == patches.len() + 1
         && firsts.is_sorted()
         && firsts.first() == Some(&0)

@@ -35,6 +35,41 @@ impl Given {
         self.lit.iter().zip(&self.sky).map(|(&lit, &sky)| lit + sky).collect()
     }
 
+    /// Finds the light of all leaves again that have that of a larger element.
+    fn find_at_leaves(&mut self, mesh: &PatchMesh) {
+        let clusters = mesh.clusters.len();
+        let has_sky = mesh.world.environment.is_some();
+        let is_inherited = |&element: &u32| {
+            let parent = mesh.elements[element as usize].parent;
+            mesh.elements[element as usize].is_leaf() && mesh.element_of(parent).is_some()
+        };
+        // Elements with light of their own, or within one.
+        let mut has_light_above = vec![false; mesh.elements.len()];
+        for element in 0..mesh.elements.len() {
+            if let Some(parent) = mesh.element_of(mesh.elements[element].parent) {
+                let above = clusters + parent as usize;
+                has_light_above[element] = has_light_above[parent as usize]
+                    || self.lit[above] != DVec3::ZERO
+                    || self.sky[above] != DVec3::ZERO;
+            }
+        }
+        let leaves: Vec<u32> = (0..mesh.elements.len() as u32)
+            .filter(is_inherited)
+            .filter(|&element| has_light_above[element as usize])
+            .collect();
+        let find = |&leaf: &u32| (mesh.lit(leaf).mean, if has_sky { mesh.sky(leaf).0.mean } else { DVec3::ZERO });
+        let found: Vec<(DVec3, DVec3)> = leaves.par_iter().map(find).collect();
+        for (element, node) in mesh.elements.iter().zip(clusters..) {
+            if !element.is_leaf() {
+                (self.lit[node], self.sky[node]) = (DVec3::ZERO, DVec3::ZERO);
+            }
+        }
+        for (leaf, (lit, sky)) in leaves.into_iter().zip(found) {
+            let node = mesh.node(leaf) as usize;
+            (self.lit[node], self.sky[node]) = (lit, sky);
+        }
+    }
+
     /// Room for new nodes, which have none but their parents' light.
     pub(super) fn extend(&mut self, mesh: &PatchMesh) {
         self.lit.resize(mesh.nodes(), DVec3::ZERO);
@@ -154,6 +189,9 @@ pub(super) fn hierarchical(
             links = refinement.refine(links, observer)?;
         }
         given.extend(mesh);
+        if round + 1 == ROUNDS.len() {
+            given.find_at_leaves(mesh);
+        }
         (light, residual) = solve(mesh, &links, &given.all(), &given.closed, light, observer)?;
         deviation = deviations(mesh, &light.radiance);
         let of = |(element, node): (&super::mesh::Element, usize)| {

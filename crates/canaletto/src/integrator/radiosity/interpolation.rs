@@ -1,12 +1,15 @@
 //! Interpolation of a solution between patches, without cracks where patches of different sizes meet.
 //!
-//! Each vertex has the mean light of the patches around it. A patch counts vertices on its edges that finer neighbours
-//! have, too. It is a fan of triangles from its centre, with linear light in each. Patches on both sides of an edge
-//! thus have equal light along it. No light is shared across contacts, where a wall may stand between two patches.
+//! Each vertex has the mean light of the patches around it, which the local pass finds at the vertex itself. A patch
+//! counts vertices on its edges that finer neighbours have, too. It is a fan of triangles from its centre, with linear
+//! light in each. Patches on both sides of an edge thus have equal light along it. No light is shared across contacts,
+//! where a wall may stand between two patches.
 
+use super::local_pass::LocalPass;
 use super::mesh::{Element, PatchMesh};
 use super::solution::ArrivingLight;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The steps per unit in which normals of flat surfaces that share vertices are equal.
@@ -31,15 +34,21 @@ struct Key {
 pub(super) struct Interpolation {
     pub(super) points: Vec<DVec3>,
     pub(super) light: Vec<ArrivingLight>,
+    /// The light at the centre of each patch.
+    pub(super) centers: Vec<ArrivingLight>,
     /// For each patch, the first of its vertices in `boundary`; the last number is the number of all.
     pub(super) firsts: Vec<u32>,
     pub(super) boundary: Vec<u32>,
 }
 
 impl Interpolation {
-    /// The vertices of all leaves of a mesh, whose light is `light`, in the order of the leaves.
-    pub(super) fn new(mesh: &PatchMesh, light: &[ArrivingLight]) -> Interpolation {
-        let leaves: Vec<&Element> = mesh.elements.iter().filter(|element| element.is_leaf()).collect();
+    /// The vertices of all leaves of a mesh, whose mean light is `light`, in the order of the leaves, each with the
+    /// part that the environment sends. `local` finds the
+    /// light at points.
+    pub(super) fn new(mesh: &PatchMesh, light: &[(ArrivingLight, DVec3)], local: Option<&LocalPass>) -> Interpolation {
+        let is_leaf = |&element: &u32| mesh.elements[element as usize].is_leaf();
+        let elements: Vec<u32> = (0..mesh.elements.len() as u32).filter(is_leaf).collect();
+        let leaves: Vec<&Element> = elements.iter().map(|&element| &mesh.elements[element as usize]).collect();
         let mut numbers: HashMap<Key, u32> = HashMap::new();
         let mut points = Vec::new();
         for element in &leaves {
@@ -59,36 +68,63 @@ impl Interpolation {
             }
             firsts.push(boundary.len() as u32);
         }
-        let mut sums = vec![(0.0, ArrivingLight::default()); points.len()];
-        for (patch, element) in leaves.iter().enumerate().filter(|(_, element)| element.area > 0.0) {
+        let mut around: Vec<Vec<u32>> = vec![Vec::new(); points.len()];
+        for (patch, _) in leaves.iter().enumerate().filter(|(_, element)| element.area > 0.0) {
             for &vertex in &boundary[firsts[patch] as usize..firsts[patch + 1] as usize] {
-                let weight = 1.0 / points[vertex as usize].distance(element.center);
-                let (weights, sum) = &mut sums[vertex as usize];
-                *weights += weight;
-                *sum = sum.plus(&light[patch].map(|light| light * weight));
+                around[vertex as usize].push(patch as u32);
             }
         }
-        let mean = |(weight, sum): (f64, ArrivingLight)| match weight {
-            0.0 => ArrivingLight::default(),
-            _ => sum.map(|sum| sum / weight),
+        // What the local pass finds takes the place of what the patch receives.
+        let with = |(mean, sky): (ArrivingLight, DVec3), [from_emitters, reflected]: [DVec3; 2]| ArrivingLight {
+            from_emitters,
+            indirect: reflected + sky,
+            ..mean
         };
-        Interpolation { points, light: sums.into_iter().map(mean).collect(), firsts, boundary }
+        let at_vertex = |vertex: usize| {
+            let point = points[vertex];
+            let weight = |&patch: &u32| 1.0 / point.distance(leaves[patch as usize].center);
+            let all: f64 = around[vertex].iter().map(weight).sum();
+            let (mut mean, mut sky) = (ArrivingLight::default(), DVec3::ZERO);
+            for patch in &around[vertex] {
+                let share = weight(patch) / all;
+                let (light, of_sky) = &light[*patch as usize];
+                mean = mean.plus(&light.map(|light| light * share));
+                sky += *of_sky * share;
+            }
+            let Some(local) = local else { return mean };
+            // In each plane the smallest patch, whose links are the finest, stands for all.
+            let mut planes: Vec<(DVec3, u32)> = Vec::new();
+            for &patch in &around[vertex] {
+                let element = leaves[patch as usize];
+                let normal = mesh.roots[element.root as usize].normal;
+                match planes.iter_mut().find(|(other, _)| *other == normal) {
+                    None => planes.push((normal, patch)),
+                    Some((_, other)) if leaves[*other as usize].area > element.area => *other = patch,
+                    Some(_) => {}
+                }
+            }
+            let share = 1.0 / planes.len() as f64;
+            planes.iter().fold(ArrivingLight::default(), |sum, &(_, patch)| {
+                let received = local.received(elements[patch as usize], point);
+                sum.plus(&with((mean, sky), received).map(|light| light * share))
+            })
+        };
+        let light_at_vertices = (0..points.len()).into_par_iter().with_min_len(16).map(at_vertex).collect();
+        let centers = match local {
+            None => light.iter().map(|&(mean, _)| mean).collect(),
+            Some(local) => light.iter().zip(&local.centers).map(|(&mean, &received)| with(mean, received)).collect(),
+        };
+        Interpolation { points, light: light_at_vertices, centers, firsts, boundary }
     }
 
-    /// The light at a point of a patch, whose centre and light are given.
-    pub(super) fn at(&self, patch: usize, center: DVec3, own: &ArrivingLight, point: DVec3) -> ArrivingLight {
-        self.corners_at(patch, center, own, point).map_or(*own, |corners| blended(&corners))
+    /// The light at a point of a patch, whose centre is given.
+    pub(super) fn at(&self, patch: usize, center: DVec3, point: DVec3) -> ArrivingLight {
+        self.corners_at(patch, center, point).map_or(self.centers[patch], |corners| blended(&corners))
     }
 
     /// The corners of the triangle that a point of a patch lies in, the patch's centre first. None if the patch has no
     /// such triangle.
-    pub(super) fn corners_at(
-        &self,
-        patch: usize,
-        center: DVec3,
-        own: &ArrivingLight,
-        point: DVec3,
-    ) -> Option<[BlendedLight; 3]> {
+    pub(super) fn corners_at(&self, patch: usize, center: DVec3, point: DVec3) -> Option<[BlendedLight; 3]> {
         let vertices = &self.boundary[self.firsts[patch] as usize..self.firsts[patch + 1] as usize];
         let mut best: Option<(f64, [f64; 3], [u32; 2])> = None;
         for (i, &a) in vertices.iter().enumerate() {
@@ -115,7 +151,11 @@ impl Interpolation {
             weight: weights[i + 1].max(0.0),
             light: self.light[vertices[i] as usize],
         };
-        Some([BlendedLight { place: center, weight: own_weight, light: *own }, at_vertex(0), at_vertex(1)])
+        Some([
+            BlendedLight { place: center, weight: own_weight, light: self.centers[patch] },
+            at_vertex(0),
+            at_vertex(1),
+        ])
     }
 }
 

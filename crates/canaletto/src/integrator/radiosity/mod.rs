@@ -8,6 +8,7 @@
 //! - `exchange` finds form factors: exact contours times the visibility of rays. `sources` finds D.
 //! - `hierarchical` refines `link`s between nodes of the mesh, and `balance` solves the equations over them.
 //! - `emitters` are the lights of the second pass. Their straight light is kept apart from other light of patches.
+//! - `local_pass` finds the light at the vertices of patches, which `interpolation` spreads over them.
 //! - `shooting` and `full` solve them on a mesh of equal patches.
 //! - `file` writes and reads solutions, and `fingerprint` tells whether one still belongs to a scene.
 //!
@@ -24,9 +25,11 @@ mod file;
 mod file_tests;
 mod fingerprint;
 mod full;
+mod gathering;
 mod hierarchical;
 mod interpolation;
 mod link;
+mod local_pass;
 mod measure;
 mod mesh;
 mod outline;
@@ -164,8 +167,7 @@ impl RadiositySolution {
     ) -> Result<RadiositySolution, RadiosityError> {
         settings.check()?;
         with_stack(stack_of(world), || {
-            let (mesh, mut balanced) = balance_of(world, settings, observer, watcher)?;
-            balanced.links = Vec::new();
+            let (mesh, balanced) = balance_of(world, settings, observer, watcher)?;
             Ok(RadiositySolution::new(&mesh, &balanced))
         })?
     }

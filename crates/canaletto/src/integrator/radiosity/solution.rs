@@ -2,8 +2,10 @@
 
 use super::Balanced;
 use super::emitters::{Emitter, Emitters};
+use super::gathering::Gathering;
 use super::hierarchical::Given;
 use super::interpolation::{BlendedLight, Interpolation};
+use super::local_pass::LocalPass;
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
 use crate::Named;
@@ -136,9 +138,10 @@ pub struct RadiositySolution {
 
 impl RadiositySolution {
     pub(super) fn new(mesh: &PatchMesh, balanced: &Balanced) -> RadiositySolution {
-        let Balanced { given: Given { lit, sky, .. }, light, residual, exchanges, .. } = balanced;
+        let Balanced { given: Given { lit, sky, closed }, light, residual, exchanges, links } = balanced;
         let [mut lit, mut sky] = [lit, sky].map(Vec::clone);
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut arriving = Vec::new();
         for (number, element) in mesh.elements.iter().enumerate() {
             let node = mesh.clusters.len() + number;
             let root = &mesh.roots[element.root as usize];
@@ -164,7 +167,7 @@ impl RadiositySolution {
             });
             if element.is_leaf() {
                 outlines.push(element.outline);
-                patches.push(Patch {
+                let patch = Patch {
                     instance: root.instance,
                     primitive: root.primitive_at(element.center),
                     part: root.part,
@@ -177,12 +180,17 @@ impl RadiositySolution {
                     direct: lit[node],
                     from_emitters: light.from_emitters[node],
                     indirect: (light.received[node] - light.from_emitters[node]).max(DVec3::ZERO) + sky[node],
-                });
+                };
+                arriving.push((patch.arriving(), sky[node]));
+                patches.push(patch);
             }
         }
         roots.sort_unstable();
-        let light: Vec<ArrivingLight> = patches.iter().map(Patch::arriving).collect();
-        let interpolation = Interpolation::new(mesh, &light);
+        // Shooting keeps no links.
+        let gathering = (!links.is_empty()).then(|| Gathering::new(mesh, links));
+        let given: Vec<DVec3> = arriving.iter().map(|(light, sky): &(ArrivingLight, _)| light.direct + *sky).collect();
+        let local = gathering.as_ref().map(|gathering| LocalPass::new(mesh, gathering, closed, light, &given));
+        let interpolation = Interpolation::new(mesh, &arriving, local.as_ref());
         RadiositySolution {
             interpolation,
             emitters: Emitters::new(mesh),
@@ -261,8 +269,7 @@ impl RadiositySolution {
 
     /// The light at a point of a patch.
     pub(super) fn interpolated(&self, number: usize, point: DVec3) -> ArrivingLight {
-        let patch = &self.patches[number];
-        self.interpolation.at(number, patch.center, &patch.arriving(), point)
+        self.interpolation.at(number, self.patches[number].center, point)
     }
 
     /// The light of a whole patch, at its centre.
@@ -273,9 +280,9 @@ impl RadiositySolution {
 
     /// The light whose mean [`RadiositySolution::light_at`] is at a point of a patch.
     pub(crate) fn corners_at(&self, number: usize, point: DVec3) -> Vec<BlendedLight> {
-        let own = self.center_of(number);
-        let corners = self.interpolation.corners_at(number, own.place, &own.light, point);
-        corners.map_or(vec![own], Vec::from)
+        let place = self.patches[number].center;
+        let own = BlendedLight { place, weight: 1.0, light: self.interpolation.centers[number] };
+        self.interpolation.corners_at(number, place, point).map_or(vec![own], Vec::from)
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

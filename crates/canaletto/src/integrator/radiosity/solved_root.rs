@@ -16,8 +16,8 @@ pub(crate) struct SolvedRoot {
 }
 
 impl SolvedRoot {
-    /// The roots of a solution, in the order of the mesh. World and settings are those that it was solved with; `None` if
-    /// they aren't.
+    /// The roots of a solution, in the order of the mesh. World and settings are those that it was solved with; `None`
+    /// if they aren't.
     ///
     /// # Errors
     /// As solving.

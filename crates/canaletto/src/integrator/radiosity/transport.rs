@@ -1,8 +1,8 @@
 //! How light goes from patch to patch: the terms of a patch's equation, found again from the links that solved it.
 
 use super::Balanced;
-use super::balance::Gathering;
 use super::exchange::Effort;
+use super::gathering::Gathering;
 use super::mesh::{NONE, PatchMesh};
 use crate::scene::RadiosityMethod;
 use crate::world::Hit;
@@ -111,7 +111,7 @@ impl<'w> Transport<'w> {
                 .elements_around(patch)
                 .flat_map(|element| {
                     let factors = gathering.of(self.mesh.node(element) as usize).iter();
-                    factors.map(move |&(node, factor)| linked(node, f64::from(factor) * scale, element))
+                    factors.map(move |factor| linked(factor.source, f64::from(factor.factor) * scale, element))
                 })
                 .collect(),
             None => {

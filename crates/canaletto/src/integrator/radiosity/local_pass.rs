@@ -1,0 +1,127 @@
+//! The local pass: light at vertices by a sum over the links of the patch around them (Lischinski, Tampieri, Greenberg
+//! 1993). The form factors are those of the vertex, so that light is smooth where links make it even over patches. The
+//! light at the centres of patches is found first. Centres and vertices then get the light that these reflect.
+
+use super::balance::{Light, MOST_IN_VIEW, emission};
+use super::gathering::Gathering;
+use super::hierarchical::means;
+use super::mesh::PatchMesh;
+use super::outline::CELLS;
+use crate::world::OccluderCache;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// How far vertices are moved towards the centre of their patch, relative to the distance. A vertex in the plane of a
+/// source would see nothing of it.
+const INSET: f64 = 1.0 / 64.0;
+
+/// The distance from the centre of a source, relative to its radius, within which its parts count one by one.
+const NEAR: f64 = 2.0;
+
+/// A solution whose light is found at points of patches.
+pub(super) struct LocalPass<'a> {
+    mesh: &'a PatchMesh<'a>,
+    gathering: &'a Gathering,
+    closed: &'a [bool],
+    /// The radiance of all nodes by emission, and by reflections.
+    emission: Vec<DVec3>,
+    reflection: Vec<DVec3>,
+    /// What patches receive at their centres, in the order of the leaves: from emitters, and by reflections.
+    pub(super) centers: Vec<[DVec3; 2]>,
+}
+
+impl<'a> LocalPass<'a> {
+    /// `given` is the light without a patch of each leaf.
+    pub(super) fn new(
+        mesh: &'a PatchMesh<'a>,
+        gathering: &'a Gathering,
+        closed: &'a [bool],
+        light: &Light,
+        given: &[DVec3],
+    ) -> LocalPass<'a> {
+        let emission = emission(mesh);
+        let reflection =
+            light.radiance.iter().zip(&emission).map(|(&all, &own)| (all - own).max(DVec3::ZERO)).collect();
+        let mut pass = LocalPass { mesh, gathering, closed, emission, reflection, centers: Vec::new() };
+        let leaves: Vec<u32> =
+            (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+        let centers = pass.at_centers(&leaves);
+        for ((&leaf, &[from_emitters, reflected]), &given) in leaves.iter().zip(&centers).zip(given) {
+            pass.reflection[mesh.node(leaf) as usize] =
+                mesh.elements[leaf as usize].reflectance * (given + from_emitters + reflected);
+        }
+        pass.reflection = means(mesh, pass.reflection);
+        pass.centers = pass.at_centers(&leaves);
+        pass
+    }
+
+    fn at_centers(&self, leaves: &[u32]) -> Vec<[DVec3; 2]> {
+        let at_center = |&leaf: &u32| self.received(leaf, self.mesh.elements[leaf as usize].center);
+        leaves.par_iter().with_min_len(16).map(at_center).collect()
+    }
+
+    /// What a patch receives at one of its points: from emitters, and by reflections.
+    pub(super) fn received(&self, patch: u32, point: DVec3) -> [DVec3; 2] {
+        let mesh = self.mesh;
+        let element = &mesh.elements[patch as usize];
+        let root = &mesh.roots[element.root as usize];
+        let point = point + (element.center - point) * INSET;
+        let mut start = Start { origin: None, last: OccluderCache::NONE };
+        let (mut sum, mut received) = (0.0, [DVec3::ZERO; 2]);
+        let mut receiver = Some(patch);
+        let mut sources = Vec::new();
+        while let Some(of) = receiver {
+            for link in self.gathering.of(mesh.node(of) as usize) {
+                sources.push(link.source);
+                while let Some(source) = sources.pop() {
+                    let (center, radius) = mesh.ball(source);
+                    let is_near = point.distance_squared(center) < NEAR * NEAR * radius * radius;
+                    let parts = mesh.element_of(source).filter(|_| is_near).map(|_| mesh.children(source));
+                    if let Some(parts) = parts.filter(|parts| !parts.is_empty()) {
+                        sources.extend(parts);
+                        continue;
+                    }
+                    let in_view = mesh.factor_at(point, root.normal, source);
+                    if in_view <= 0.0 {
+                        continue;
+                    }
+                    let origin = || root.ray_origin(mesh.world, point);
+                    let factor = in_view * self.visibility(source, link.visibility, &mut start, origin);
+                    sum += factor;
+                    received[0] += self.emission[source as usize] * factor;
+                    received[1] += self.reflection[source as usize] * factor;
+                }
+            }
+            receiver = mesh.element_of(mesh.elements[of as usize].parent);
+        }
+        if !self.closed[patch as usize] {
+            return received;
+        }
+        // As in the balance: the factors of a closed patch sum to 1.
+        let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
+        let node = mesh.node(patch) as usize;
+        let own = [self.emission[node], self.reflection[node]];
+        [0, 1].map(|i| (received[i] * scale + own[i] * (1.0 - scale * sum)).max(DVec3::ZERO))
+    }
+
+    /// The share of a source that the point sees. Only partly hidden elements need rays.
+    fn visibility(&self, source: u32, of_link: f32, start: &mut Start, origin: impl FnOnce() -> Vec3) -> f64 {
+        let source = self.mesh.element_of(source).filter(|_| of_link < 1.0);
+        let Some(source) = source.map(|source| &self.mesh.elements[source as usize]) else {
+            return f64::from(of_link);
+        };
+        let from = *start.origin.get_or_insert_with(origin);
+        let (mut passed, mut count) = (0.0, 0.0);
+        for cell in (0..CELLS).filter(|&cell| source.is_bare(cell)) {
+            passed += self.mesh.transmittance(from, source.origins[cell], &mut start.last);
+            count += 1.0;
+        }
+        if count > 0.0 { passed / count } else { 0.0 }
+    }
+}
+
+/// The start of rays from a point.
+struct Start {
+    origin: Option<Vec3>,
+    last: OccluderCache,
+}
