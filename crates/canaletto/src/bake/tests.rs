@@ -185,7 +185,7 @@ fn texels_have_the_light_of_the_solution() {
     let world = room(1.0);
     let solution = solved(&world, 0.05);
     let baked = bake(&world, &solution, TexelDensity::PerUnit(16.0));
-    let (mut compared, mut lit) = (0, 0);
+    let (mut compared, mut lit, mut of_ball) = (0, 0, 0);
     for triangle in triangles(&baked) {
         for (texel, weights) in texels_in(&baked, in_texels(&baked, &triangle), -0.05) {
             // Under the cylinder the floor is covered.
@@ -206,6 +206,8 @@ fn texels_have_the_light_of_the_solution() {
             let error = near.into_iter().chain([light]).map(error_of).fold(f64::INFINITY, f64::min);
             compared += 1;
             lit += i32::from(light.x > 0.01);
+            let is_of_ball = point.distance(DVec3::new(1.0, -0.5, -1.0)) < 0.51;
+            of_ball += i32::from(is_of_ball && light.x > 0.01);
             assert!(error < 2e-3 * (1.0 + light.max_element()), "{point}: {found} instead of {light}");
             let radiance = baked.atlas.radiance[texel][0];
             let is_lamp = radiance == 8.0;
@@ -213,7 +215,7 @@ fn texels_have_the_light_of_the_solution() {
         }
     }
     println!("{compared} texels, {lit} of them lit");
-    assert!(lit > 5000, "{compared} {lit}");
+    assert!(lit > 5000 && of_ball > 100, "{compared} {lit}, {of_ball} of the ball");
 }
 
 /// In a closed room whose surfaces emit E and reflect ρ, light is E / (1 − ρ) everywhere.
