@@ -33,5 +33,6 @@ pub use between::{
 pub use hemicube::{HemicubeFormFactors, HemicubeSettings, PrimitiveFormFactor, hemicube};
 pub use point_to_polygon::point_to_polygon;
 pub use polygon::{area_vector, clip_to_front};
+pub(crate) use polygon_to_polygon::polygon_to_polygon_within;
 pub use polygon_to_polygon::{AnalyticFormFactor, polygon_to_polygon};
 pub use sampled::{SampleSettings, SampledFormFactor, SamplingProgress, Side, sample_form_factor};

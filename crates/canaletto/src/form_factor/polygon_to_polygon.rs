@@ -10,9 +10,12 @@ use super::point_to_polygon;
 use super::polygon::{area_vector, clip_to_front};
 use glam::DVec3;
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
 
 /// The quadrature error that is allowed in a pair of edges, relative to the product of their lengths.
 const TOLERANCE: f64 = 1e-13;
+
+static RULE: LazyLock<DoubleExponential> = LazyLock::new(DoubleExponential::new);
 
 /// A form factor with a bound of its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +32,12 @@ pub struct AnalyticFormFactor {
 /// The polygons are planar, with corners counter-clockwise seen from the front. They may be concave. Each one's part
 /// behind the other one's plane is clipped away first.
 pub fn polygon_to_polygon(a: &[DVec3], b: &[DVec3]) -> Option<AnalyticFormFactor> {
+    polygon_to_polygon_within(TOLERANCE, a, b)
+}
+
+/// [`polygon_to_polygon`] with another quadrature error for each pair of edges, relative to the product of their
+/// lengths.
+pub(crate) fn polygon_to_polygon_within(tolerance: f64, a: &[DVec3], b: &[DVec3]) -> Option<AnalyticFormFactor> {
     let (area_a, area_b) = (area_vector(a), area_vector(b));
     let area = area_a.length();
     if area == 0.0 {
@@ -45,7 +54,7 @@ pub fn polygon_to_polygon(a: &[DVec3], b: &[DVec3]) -> Option<AnalyticFormFactor
     let exchange = if are_far(&front_a, &front_b) {
         far_exchange(&front_a, &front_b, area_a / area)
     } else {
-        contour_exchange(&front_a, &front_b)
+        contour_exchange(&front_a, &front_b, tolerance)
     };
     let value = (exchange.value / area).clamp(0.0, 1.0);
     Some(AnalyticFormFactor { value, error: exchange.error / area + 4.0 * f64::EPSILON * value })
@@ -62,9 +71,8 @@ fn normalized(a: &[DVec3], b: &[DVec3]) -> (Vec<DVec3>, Vec<DVec3>, f64) {
 }
 
 /// The area of `a` times the form factor to `b`, by the double contour integral.
-fn contour_exchange(a: &[DVec3], b: &[DVec3]) -> Integral {
+fn contour_exchange(a: &[DVec3], b: &[DVec3], tolerance: f64) -> Integral {
     let (a, b, unit) = normalized(a, b);
-    let rule = DoubleExponential::new();
     let edges = |polygon: &[DVec3]| -> Vec<Edge> {
         let next = polygon.iter().cycle().skip(1);
         polygon.iter().zip(next).filter_map(|(from, to)| Edge::between(*from, *to)).collect()
@@ -79,7 +87,7 @@ fn contour_exchange(a: &[DVec3], b: &[DVec3]) -> Integral {
             if cos == 0.0 {
                 continue;
             }
-            let Integral { value, error } = outer.logarithms(inner, &rule, TOLERANCE / cos.abs());
+            let Integral { value, error } = outer.logarithms(inner, &RULE, tolerance / cos.abs());
             sum.value += cos * value;
             sum.error += cos.abs() * error;
             rounding += cos.abs() * outer.length * (inner.length + value.abs());

@@ -20,6 +20,9 @@ const FAR: f64 = 6.0;
 /// The squared distance relative to the areas below which the factor of two outlines is found by their contours.
 const NEAR: f64 = 1.5;
 
+/// The quadrature error of contours, relative to the product of the lengths of two edges.
+const CONTOUR_TOLERANCE: f64 = 1e-8;
+
 /// The first number of rays between two nodes. All cells have a ray if these don't agree.
 const FEW_RAYS: usize = 4;
 
@@ -95,7 +98,7 @@ impl PatchMesh<'_> {
         }
         if square < NEAR && small.bare_share() == 1.0 {
             // Sampled points miss much of what touching outlines exchange.
-            let exact = form_factor::polygon_to_polygon(small.outline.corners(), polygon);
+            let exact = form_factor::polygon_to_polygon_within(CONTOUR_TOLERANCE, small.outline.corners(), polygon);
             mean = exact.map_or(mean, |exact| exact.value);
         }
         let range = |values: &mut dyn Iterator<Item = f64>| {
