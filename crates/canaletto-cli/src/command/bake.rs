@@ -14,7 +14,7 @@ use canaletto::Named;
 use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, TexelDensity};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::memory;
-use canaletto::scene::{FilmSettings, Integrator, RadiositySettings, Scene, Tone};
+use canaletto::scene::{FilmSettings, Scene, Tone};
 use canaletto_io::export::{Export, ExportFormat, LightMaps, UpAxis};
 use clap::Args;
 use serde::Serialize;
@@ -128,10 +128,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     check_room(flags)?;
     let name = source.name;
     let shown = Shown::of(&source.scene, flags);
-    let settings = match source.scene.integrator {
-        Integrator::Radiosity(settings) => settings,
-        _ => RadiositySettings::default(),
-    };
+    let settings = source.scene.integrator.radiosity().copied().unwrap_or_default();
     let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
     let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
     solutions.check(&fingerprint)?;

@@ -12,7 +12,6 @@ use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
 use canaletto::integrator::radiosity::{Measurement, SolutionFingerprint};
 use canaletto::render::Observer;
-use canaletto::scene::{Integrator, RadiositySettings};
 use clap::Args;
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -104,10 +103,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if let Some(file) = input {
         return Err(replaced("--output", &file));
     }
-    let settings = match source.scene.integrator {
-        Integrator::Radiosity(settings) => settings,
-        _ => RadiositySettings::default(),
-    };
+    let settings = source.scene.integrator.radiosity().copied().unwrap_or_default();
     let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
     let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
     solutions.check(&fingerprint)?;

@@ -100,6 +100,14 @@ impl Integrator {
         }
     }
 
+    /// The settings of radiosity, if it is this one.
+    pub fn radiosity(&self) -> Option<&RadiositySettings> {
+        match self {
+            Integrator::Radiosity(settings) => Some(settings),
+            _ => None,
+        }
+    }
+
     /// The settings of radiosity, if it is this one, to be changed.
     pub fn radiosity_mut(&mut self) -> Option<&mut RadiositySettings> {
         match self {

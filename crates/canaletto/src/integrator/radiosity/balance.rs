@@ -44,7 +44,7 @@ pub(super) fn solve(
     closed: &[bool],
     mut light: Light,
     observer: &dyn Observer,
-) -> Result<(Light, f64), RadiosityError> {
+) -> Result<(Light, Gathering, f64), RadiosityError> {
     let gathering = Gathering::new(mesh, links);
     let (nodes, clusters) = (mesh.nodes(), mesh.clusters.len());
     let parents = parents(mesh);
@@ -85,7 +85,7 @@ pub(super) fn solve(
         if change <= RESIDUAL * all || all == 0.0 {
             light.sent_emission = emission(mesh);
             light.from_emitters = from_emitters(mesh, &gathering, &light.sent_emission, &parents, &closure);
-            return Ok((light, if all > 0.0 { change / all } else { 0.0 }));
+            return Ok((light, gathering, if all > 0.0 { change / all } else { 0.0 }));
         }
         slow = if change > before * LEAST_REDUCTION { slow + 1 } else { 0 };
         if slow > 50 || !all.is_finite() {
@@ -97,7 +97,7 @@ pub(super) fn solve(
 }
 
 /// The radiance that nodes emit themselves.
-pub(super) fn emission(mesh: &PatchMesh) -> Vec<DVec3> {
+fn emission(mesh: &PatchMesh) -> Vec<DVec3> {
     let mut emission = vec![DVec3::ZERO; mesh.clusters.len()];
     emission.extend(mesh.elements.iter().map(|element| element.emission));
     means(mesh, emission)
@@ -118,9 +118,6 @@ fn from_emitters(
     }
     received
 }
-
-/// The largest sum of form factors of a patch. What it receives is scaled down to this sum.
-pub(super) const MOST_IN_VIEW: f64 = 1.25;
 
 /// Adds to each node what its parent has.
 pub(super) fn push<T: Copy + std::ops::AddAssign>(parents: &[u32], values: &mut [T]) {

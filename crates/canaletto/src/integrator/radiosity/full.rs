@@ -38,8 +38,7 @@ pub(super) fn full(
     subdivide_evenly(mesh, settings);
     let (mut given, _) = given(mesh, settings, false, observer)?;
     closed(mesh, &mut given);
-    let leaves: Vec<u32> =
-        (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+    let leaves = mesh.leaf_elements();
     let this = &*mesh;
     let found = AtomicUsize::new(0);
     let row = |number: usize| -> Vec<Link> {
@@ -58,6 +57,6 @@ pub(super) fn full(
         links
     };
     let links: Vec<Link> = (0..leaves.len()).into_par_iter().flat_map_iter(row).collect();
-    let (light, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
-    Ok(Balanced { given, light, residual, exchanges: links.len(), links })
+    let (light, gathering, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
+    Ok(Balanced { given, light, residual, exchanges: links.len(), gathering: Some(gathering) })
 }

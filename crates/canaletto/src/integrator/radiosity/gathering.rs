@@ -1,6 +1,6 @@
 //! The form factors of all links, by receiver.
 
-use super::balance::{MOST_IN_VIEW, push};
+use super::balance::push;
 use super::link::Link;
 use super::mesh::PatchMesh;
 use glam::DVec3;
@@ -98,12 +98,20 @@ impl Gathering {
             if !closed.get(element).copied().unwrap_or(false) {
                 return (1.0, 0.0);
             }
-            let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
-            (scale, 1.0 - scale * sum)
+            closure_of(sum)
         };
         (0..mesh.elements.len()).map(of).collect()
     }
 }
+
+/// The factor of what a closed place receives, and its form factor to itself, for a sum of form factors to others.
+pub(super) fn closure_of(sum: f64) -> (f64, f64) {
+    let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
+    (scale, 1.0 - scale * sum)
+}
+
+/// The largest sum of form factors of a patch. What it receives is scaled down to this sum.
+const MOST_IN_VIEW: f64 = 1.25;
 
 /// The parent of each node.
 pub(super) fn parents(mesh: &PatchMesh) -> Vec<u32> {

@@ -4,6 +4,7 @@
 use super::balance::{Light, solve};
 use super::link::{Link, Refinement};
 use super::mesh::PatchMesh;
+use super::sources::Arriving;
 use super::{Balanced, RadiosityError, RadiositySettings};
 use crate::job::{Observer, SolvingPhase};
 use glam::DVec3;
@@ -38,12 +39,7 @@ impl Given {
     /// Finds the light of all leaves again that have that of a larger element.
     fn find_at_leaves(&mut self, mesh: &PatchMesh) {
         let clusters = mesh.clusters.len();
-        let has_sky = mesh.world.environment.is_some();
-        let is_inherited = |&element: &u32| {
-            let parent = mesh.elements[element as usize].parent;
-            mesh.elements[element as usize].is_leaf() && mesh.element_of(parent).is_some()
-        };
-        // Elements with light of their own, or within one.
+        // Elements within one that has light of its own.
         let mut has_light_above = vec![false; mesh.elements.len()];
         for element in 0..mesh.elements.len() {
             if let Some(parent) = mesh.element_of(mesh.elements[element].parent) {
@@ -53,20 +49,17 @@ impl Given {
                     || self.sky[above] != DVec3::ZERO;
             }
         }
-        let leaves: Vec<u32> = (0..mesh.elements.len() as u32)
-            .filter(is_inherited)
-            .filter(|&element| has_light_above[element as usize])
-            .collect();
-        let find = |&leaf: &u32| (mesh.lit(leaf).mean, if has_sky { mesh.sky(leaf).0.mean } else { DVec3::ZERO });
-        let found: Vec<(DVec3, DVec3)> = leaves.par_iter().map(find).collect();
+        let mut leaves = mesh.leaf_elements();
+        leaves.retain(|&leaf| has_light_above[leaf as usize]);
+        let found: Vec<[Arriving; 2]> = leaves.par_iter().map(|&leaf| mesh.without_patches(leaf)).collect();
         for (element, node) in mesh.elements.iter().zip(clusters..) {
             if !element.is_leaf() {
                 (self.lit[node], self.sky[node]) = (DVec3::ZERO, DVec3::ZERO);
             }
         }
-        for (leaf, (lit, sky)) in leaves.into_iter().zip(found) {
+        for (leaf, [lit, sky]) in leaves.into_iter().zip(found) {
             let node = mesh.node(leaf) as usize;
-            (self.lit[node], self.sky[node]) = (lit, sky);
+            (self.lit[node], self.sky[node]) = (lit.mean, sky.mean);
         }
     }
 
@@ -90,9 +83,7 @@ pub(super) fn given(
     observer: &dyn Observer,
 ) -> Result<(Given, f64), RadiosityError> {
     let mut given = Given::default();
-    let has_sky = mesh.world.environment.is_some();
-    let is_leaf = |mesh: &PatchMesh, element: u32| mesh.elements[element as usize].is_leaf();
-    let mut waiting: Vec<u32> = (0..mesh.elements.len() as u32).filter(|&element| is_leaf(mesh, element)).collect();
+    let mut waiting = mesh.leaf_elements();
     let emitted: f64 = waiting
         .iter()
         .map(|&element| &mesh.elements[element as usize])
@@ -106,11 +97,8 @@ pub(super) fn given(
         }
         mesh.tell(observer, SolvingPhase::Lights, 0);
         let this = &*mesh;
-        let found: Vec<_> = waiting
-            .par_iter()
-            .map(|&element| (this.lit(element), if has_sky { this.sky(element).0 } else { Default::default() }))
-            .collect();
-        let reflected = |(&element, (lit, sky)): (&u32, &(super::sources::Arriving, super::sources::Arriving))| {
+        let found: Vec<[Arriving; 2]> = waiting.par_iter().map(|&element| this.without_patches(element)).collect();
+        let reflected = |(&element, [lit, sky]): (&u32, &[Arriving; 2])| {
             let element = &this.elements[element as usize];
             (element.reflectance * (lit.mean + sky.mean)).max_element() * element.area
         };
@@ -120,7 +108,7 @@ pub(super) fn given(
         }
         given.extend(this);
         let mut refined = Vec::new();
-        for (&number, (lit, sky)) in waiting.iter().zip(&found) {
+        for (&number, [lit, sky]) in waiting.iter().zip(&found) {
             let element = &this.elements[number as usize];
             let error = (element.reflectance * (lit.spread + sky.spread * SKY_NOISE)).max_element() * element.area;
             if subdivides && error > limit && this.is_divisible(number) {
@@ -176,6 +164,7 @@ pub(super) fn hierarchical(
     let mut light = Light { radiance: means(mesh, radiance), ..Light::default() };
     let mut deviation = deviations(mesh, &light.radiance);
     let mut links: Vec<Link> = Vec::new();
+    let mut gathering = None;
     let mut reflected = power;
     let mut residual = 0.0;
     for (round, factor) in ROUNDS.into_iter().enumerate() {
@@ -192,7 +181,11 @@ pub(super) fn hierarchical(
         if round + 1 == ROUNDS.len() {
             given.find_at_leaves(mesh);
         }
-        (light, residual) = solve(mesh, &links, &given.all(), &given.closed, light, observer)?;
+        // The last round's form factors go before those of this one come.
+        drop(gathering.take());
+        let solved = solve(mesh, &links, &given.all(), &given.closed, light, observer)?;
+        (light, residual) = (solved.0, solved.2);
+        gathering = Some(solved.1);
         deviation = deviations(mesh, &light.radiance);
         let of = |(element, node): (&super::mesh::Element, usize)| {
             let light = light.radiance[node] - element.emission;
@@ -200,7 +193,7 @@ pub(super) fn hierarchical(
         };
         reflected = mesh.elements.iter().zip(mesh.clusters.len()..).map(of).sum::<f64>().max(power * LEAST_REFLECTED);
     }
-    Ok(Balanced { given, light, residual, exchanges: links.len(), links })
+    Ok(Balanced { given, light, residual, exchanges: links.len(), gathering })
 }
 
 /// The least reflected light that errors are relative to, relative to emitted light.

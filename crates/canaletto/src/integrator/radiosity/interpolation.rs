@@ -46,8 +46,7 @@ impl Interpolation {
     /// part that the environment sends. `local` finds the
     /// light at points.
     pub(super) fn new(mesh: &PatchMesh, light: &[(ArrivingLight, DVec3)], local: Option<&LocalPass>) -> Interpolation {
-        let is_leaf = |&element: &u32| mesh.elements[element as usize].is_leaf();
-        let elements: Vec<u32> = (0..mesh.elements.len() as u32).filter(is_leaf).collect();
+        let elements = mesh.leaf_elements();
         let leaves: Vec<&Element> = elements.iter().map(|&element| &mesh.elements[element as usize]).collect();
         let mut numbers: HashMap<Key, u32> = HashMap::new();
         let mut points = Vec::new();

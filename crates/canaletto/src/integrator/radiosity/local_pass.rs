@@ -2,8 +2,8 @@
 //! 1993). The form factors are those of the vertex, so that light is smooth where links make it even over patches. The
 //! light at the centres of patches is found first. Centres and vertices then get the light that these reflect.
 
-use super::balance::{Light, MOST_IN_VIEW, emission};
-use super::gathering::Gathering;
+use super::balance::Light;
+use super::gathering::{Gathering, closure_of};
 use super::hierarchical::means;
 use super::mesh::PatchMesh;
 use super::outline::CELLS;
@@ -42,12 +42,11 @@ impl<'a> LocalPass<'a> {
         light: &Light,
         given: &[DVec3],
     ) -> LocalPass<'a> {
-        let emission = emission(mesh);
+        let emission = light.sent_emission.clone();
         let reflection =
             light.radiance.iter().zip(&emission).map(|(&all, &own)| (all - own).max(DVec3::ZERO)).collect();
         let mut pass = LocalPass { mesh, gathering, closed, emission, reflection, centers: Vec::new() };
-        let leaves: Vec<u32> =
-            (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+        let leaves = mesh.leaf_elements();
         let centers = pass.at_centers(&leaves);
         for ((&leaf, &[from_emitters, reflected]), &given) in leaves.iter().zip(&centers).zip(given) {
             pass.reflection[mesh.node(leaf) as usize] =
@@ -101,10 +100,10 @@ impl<'a> LocalPass<'a> {
             return received;
         }
         // As in the balance: the factors of a closed patch sum to 1.
-        let scale = if sum > MOST_IN_VIEW { MOST_IN_VIEW / sum } else { 1.0 };
+        let (scale, missing) = closure_of(sum);
         let node = mesh.node(patch) as usize;
         let own = [self.emission[node], self.reflection[node]];
-        [0, 1].map(|i| (received[i] * scale + own[i] * (1.0 - scale * sum)).max(DVec3::ZERO))
+        [0, 1].map(|i| (received[i] * scale + own[i] * missing).max(DVec3::ZERO))
     }
 
     /// The share of a source that the point sees. Only partly hidden elements need rays.

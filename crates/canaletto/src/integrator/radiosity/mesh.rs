@@ -220,6 +220,11 @@ impl<'w> PatchMesh<'w> {
         observer.solving(&SolvingProgress { phase, patches: self.leaves as u64, links: links as u64 });
     }
 
+    /// The elements without parts, in order.
+    pub(super) fn leaf_elements(&self) -> Vec<u32> {
+        (0..self.elements.len() as u32).filter(|&element| self.elements[element as usize].is_leaf()).collect()
+    }
+
     /// The number of a node for an element.
     pub(super) fn node(&self, element: u32) -> u32 {
         self.clusters.len() as u32 + element

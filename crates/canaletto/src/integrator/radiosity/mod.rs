@@ -62,8 +62,8 @@ use crate::scene::{RadiosityMethod, RadiositySettings};
 use crate::world::World;
 use balance::Light;
 use canaletto_bvh::{NoThreads, with_stack};
+use gathering::Gathering;
 use hierarchical::Given;
-use link::Link;
 use mesh::PatchMesh;
 
 /// The reason why there is no solution.
@@ -137,8 +137,8 @@ struct Balanced {
     residual: f64,
     /// The number of links, or of pairs of patches.
     exchanges: usize,
-    /// The links; none of shooting, which finds form factors as it needs them.
-    links: Vec<Link>,
+    /// The form factors of links; none of shooting, which finds them as it needs them.
+    gathering: Option<Gathering>,
 }
 
 impl RadiositySolution {
@@ -184,7 +184,7 @@ impl RadiositySolution {
         settings.check()?;
         with_stack(stack_of(world), || {
             let (mesh, balanced) = balance_of(world, settings, observer, &mut ())?;
-            Ok((RadiositySolution::new(&mesh, &balanced), Transport::new(mesh, balanced, settings.method)))
+            Ok((RadiositySolution::new(&mesh, &balanced), Transport::new(mesh, balanced)))
         })?
     }
 }

@@ -40,7 +40,7 @@ impl ShootingStep<'_> {
         let received: Vec<DVec3> = self.received.iter().map(|light| *light + self.ambient).collect();
         let light = light_of(self.mesh, self.leaves, self.radiance, &received, self.from_emitters);
         let (given, exchanges) = (self.given.clone(), self.step * self.leaves.len());
-        let balanced = Balanced { given, light, residual: self.unsent, exchanges, links: Vec::new() };
+        let balanced = Balanced { given, light, residual: self.unsent, exchanges, gathering: None };
         RadiositySolution::new(self.mesh, &balanced)
     }
 }
@@ -95,8 +95,7 @@ pub(super) fn shooting(
     subdivide_evenly(mesh, settings);
     let (given, _) = given(mesh, settings, false, observer)?;
     let mesh = &*mesh;
-    let leaves: Vec<u32> =
-        (0..mesh.elements.len() as u32).filter(|&element| mesh.elements[element as usize].is_leaf()).collect();
+    let leaves = mesh.leaf_elements();
     let all = given.all();
     let mut arriving = all.clone();
     for node in mesh.clusters.len()..mesh.nodes() {
@@ -174,7 +173,7 @@ pub(super) fn shooting(
     light.sent = at_nodes(mesh, &leaves, &sent);
     let sent: Vec<DVec3> = (0..leaves.len()).map(|leaf| element(leaf).emission - emitted[leaf]).collect();
     light.sent_emission = at_nodes(mesh, &leaves, &sent);
-    Ok(Balanced { given, light, residual: rest, exchanges: steps * leaves.len(), links: Vec::new() })
+    Ok(Balanced { given, light, residual: rest, exchanges: steps * leaves.len(), gathering: None })
 }
 
 /// The reduction of unsent light by as many steps as there are patches, with which light still ends.

@@ -2,7 +2,6 @@
 
 use super::Balanced;
 use super::emitters::{Emitter, Emitters};
-use super::gathering::Gathering;
 use super::hierarchical::Given;
 use super::interpolation::{BlendedLight, Interpolation};
 use super::local_pass::LocalPass;
@@ -138,7 +137,7 @@ pub struct RadiositySolution {
 
 impl RadiositySolution {
     pub(super) fn new(mesh: &PatchMesh, balanced: &Balanced) -> RadiositySolution {
-        let Balanced { given: Given { lit, sky, closed }, light, residual, exchanges, links } = balanced;
+        let Balanced { given: Given { lit, sky, closed }, light, residual, exchanges, gathering } = balanced;
         let [mut lit, mut sky] = [lit, sky].map(Vec::clone);
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut arriving = Vec::new();
@@ -186,8 +185,6 @@ impl RadiositySolution {
             }
         }
         roots.sort_unstable();
-        // Shooting keeps no links.
-        let gathering = (!links.is_empty()).then(|| Gathering::new(mesh, links));
         let given: Vec<DVec3> = arriving.iter().map(|(light, sky): &(ArrivingLight, _)| light.direct + *sky).collect();
         let local = gathering.as_ref().map(|gathering| LocalPass::new(mesh, gathering, closed, light, &given));
         let interpolation = Interpolation::new(mesh, &arriving, local.as_ref());

@@ -116,6 +116,12 @@ impl PatchMesh<'_> {
         LitPlace { point: element.outline.cell(cell), origin: element.origins[cell], normal: self.normal_of(number) }
     }
 
+    /// The light of all lights and that of the environment that arrive at an element.
+    pub(super) fn without_patches(&self, element: u32) -> [Arriving; 2] {
+        let has_sky = self.world.environment.is_some();
+        [self.lit(element), if has_sky { self.sky(element).0 } else { Arriving::default() }]
+    }
+
     /// The light of the environment that arrives at an element, without its sun, and the share of directions in which
     /// nothing is hit.
     pub(super) fn sky(&self, element: u32) -> (Arriving, f64) {

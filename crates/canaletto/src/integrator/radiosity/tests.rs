@@ -239,7 +239,7 @@ fn form_factors_are_complete_and_reciprocal() {
     let settings = settings(RadiosityMethod::Full, 0.05);
     let mut mesh = PatchMesh::new(&world, &settings).unwrap();
     full::subdivide_evenly(&mut mesh, &settings);
-    let leaves: Vec<u32> = (0..mesh.elements.len() as u32).filter(|&i| mesh.elements[i as usize].is_leaf()).collect();
+    let leaves = mesh.leaf_elements();
     let inner = |leaf: &&u32| !mesh.roots[mesh.elements[**leaf as usize].root as usize].is_outer;
     let mut rows = 0;
     for &p in leaves.iter().filter(inner) {

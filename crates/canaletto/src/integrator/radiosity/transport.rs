@@ -4,7 +4,6 @@ use super::Balanced;
 use super::exchange::Effort;
 use super::gathering::Gathering;
 use super::mesh::{NONE, PatchMesh};
-use crate::scene::RadiosityMethod;
 use crate::world::Hit;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -54,17 +53,15 @@ pub(crate) struct PatchLight {
 }
 
 impl<'w> Transport<'w> {
-    pub(super) fn new(mesh: PatchMesh<'w>, balanced: Balanced, method: RadiosityMethod) -> Transport<'w> {
-        let Balanced { given, light, links, .. } = balanced;
-        let gathering = (method != RadiosityMethod::Shooting).then(|| Gathering::new(&mesh, &links));
+    pub(super) fn new(mesh: PatchMesh<'w>, balanced: Balanced) -> Transport<'w> {
+        let Balanced { given, light, gathering, .. } = balanced;
         let closure = match &gathering {
             Some(gathering) => gathering.closure(&mesh, &given.closed),
             None => vec![(1.0, 0.0); mesh.elements.len()],
         };
         let emitted = light.sent_emission;
         let reflected = light.sent.iter().zip(&emitted).map(|(&sent, &emitted)| sent - emitted).collect();
-        let is_leaf = |&element: &u32| mesh.elements[element as usize].is_leaf();
-        let leaves = (0..mesh.elements.len() as u32).filter(is_leaf).collect();
+        let leaves = mesh.leaf_elements();
         Transport { gathering, closure, lit: given.lit, sky: given.sky, emitted, reflected, leaves, mesh }
     }
 
