@@ -12,6 +12,7 @@ mod exit;
 mod failure;
 mod flags;
 mod format;
+mod frame_writer;
 mod frames;
 mod inputs;
 mod instructions;

@@ -6,11 +6,9 @@ use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
+use crate::frame_writer::{FramePicture, FrameWriter};
 use crate::interrupt;
-use crate::layers;
 use crate::omissions::{doubt_omissions, shortfalls};
-use crate::output::{film_failed, unfit};
-use crate::partial::{UNFINISHED, free_partial_path, remove_part};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words};
@@ -18,17 +16,13 @@ use crate::shooting_steps::StepWriter;
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
-use canaletto::Named;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
-use canaletto::render::{Aov, Job, JobError, Observer, Rendering, render, render_with_solution};
+use canaletto::render::{Job, JobError, Observer, Rendering, render, render_with_solution};
 use canaletto::scene::{Integrator, Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
-use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered, Window};
 use serde_json::json;
 use std::collections::HashSet;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Renders the frames of a plan.
@@ -37,7 +31,7 @@ pub(crate) struct Series<'a> {
     plan: &'a Plan,
     reader: Reader,
     solutions: &'a mut Solutions,
-    film: Option<Movie>,
+    writer: FrameWriter<'a>,
     /// The warnings that were already printed.
     told: HashSet<String>,
     start: Instant,
@@ -93,7 +87,7 @@ impl<'a> Series<'a> {
             plan,
             reader,
             solutions,
-            film: None,
+            writer: FrameWriter::new(plan, flags.quiet),
             told: HashSet::new(),
             start: Instant::now(),
             rendered: 0,
@@ -242,10 +236,11 @@ impl<'a> Series<'a> {
         self.tell_of_solves(solution);
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
+        let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &frame_context.texts };
         let files = if rendering.complete {
-            self.save(frame_context, world, &job, &rendering)?
+            self.writer.write(&frame_picture)?
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() {
-            self.save_part(frame_context, world, &job, &rendering)?
+            self.writer.write_part(&frame_picture)?
         } else {
             Vec::new() // A black picture is worthless, and a film has whole frames.
         };
@@ -327,150 +322,6 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// Writes a picture and its layers, or adds it to the film; returns the files' names.
-    fn save(
-        &mut self,
-        frame_context: &FrameContext,
-        world: &World,
-        job: &Job,
-        rendering: &Rendering,
-    ) -> Result<Vec<String>, Failure> {
-        let (plan, files) = (self.plan, self.plan.files(job.frame));
-        if plan.output.format.film().is_some() {
-            self.add_to_film(&layers::developed(&rendering.picture, &job.film), job, frame_context.texts.clone())?;
-        } else {
-            self.encode(frame_context, world, job, rendering, |index, bytes| plan.output.write(&files[index], bytes))?;
-        }
-        Ok(files.iter().map(|file| file.display().to_string()).collect())
-    }
-
-    /// Writes a partial picture and its layers beside their files; returns the names.
-    fn save_part(
-        &self,
-        frame_context: &FrameContext,
-        world: &World,
-        job: &Job,
-        rendering: &Rendering,
-    ) -> Result<Vec<String>, Failure> {
-        let (plan, files) = (self.plan, self.plan.files(job.frame));
-        let mut names = Vec::new();
-        if plan.output.has_place_beside(&files[0]) {
-            interrupt::Rendering::saves();
-            if let Some(format) = plan.output.format.picture().filter(|format| format.has_rows(&rendering.picture)) {
-                names.push(self.save_rows(format, frame_context, job, rendering, &files[0])?);
-            }
-        }
-        if names.is_empty() {
-            self.encode(frame_context, world, job, rendering, |index, bytes| {
-                names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
-                Ok(())
-            })?;
-        }
-        if !interrupt::has_time_to_save() && plan.style != Style::Json && !self.flags.quiet {
-            eprint_line("saving the part took too long: its lower rows, or layers, may be missing");
-        }
-        Ok(names)
-    }
-
-    /// Writes a partial picture with its layers beside its file, row by row; returns its name.
-    fn save_rows(
-        &self,
-        format: PictureFormat,
-        frame_context: &FrameContext,
-        job: &Job,
-        rendering: &Rendering,
-        file: &Path,
-    ) -> Result<String, Failure> {
-        let rendered = Rendered { picture: &rendering.picture, film: &job.film };
-        let (settings, texts) = (self.settings(job, rendering), self.texts(frame_context, job, rendering, None));
-        let place = self.plan.output.write_part_with(file, |out| {
-            format.write_rows(&rendered, &settings, &texts, out, &interrupt::has_time_to_save)
-        })?;
-        Ok(place.display().to_string())
-    }
-
-    /// How a picture is written. A partial picture must be written in the time that a signal leaves.
-    fn settings(&self, job: &Job, rendering: &Rendering) -> EncodeSettings {
-        let settings = self.plan.output.settings;
-        let compression = if rendering.complete { settings.compression } else { Compression::Fast };
-        EncodeSettings { compression, window: Some(window(job)), ..settings }
-    }
-
-    /// The text entries of a picture's file, or of a layer's file.
-    fn texts(
-        &self,
-        frame_context: &FrameContext,
-        job: &Job,
-        rendering: &Rendering,
-        layer: Option<Aov>,
-    ) -> Vec<(String, String)> {
-        let mut texts = texts(&frame_context.texts, job, layer);
-        if !rendering.complete {
-            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
-        }
-        texts
-    }
-
-    /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their
-    /// own.
-    fn encode(
-        &self,
-        frame_context: &FrameContext,
-        world: &World,
-        job: &Job,
-        rendering: &Rendering,
-        mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
-        let (picture, film, output) = (&rendering.picture, &job.film, self.plan.output.format);
-        let Some(format) = output.picture() else { return Ok(()) };
-        let texts = |layer| self.texts(frame_context, job, rendering, layer);
-        let goes_on = || rendering.complete || interrupt::has_time_to_save();
-        let settings = self.settings(job, rendering);
-        let bytes = format.encode(&Rendered { picture, film }, &settings, &texts(None), &goes_on);
-        write(0, &bytes.map_err(|e| unfit(&e))?)?;
-        if output.has_layers() {
-            return Ok(());
-        }
-        for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
-            if !goes_on() {
-                break;
-            }
-            let (image, transfer) = layers::to_image(layer, picture, film, &world.bounds());
-            let mut texts = texts(Some(*aov));
-            texts.push(("transfer".into(), transfer.name().into()));
-            let bytes = format.encode_image(&image, transfer, &settings, &texts).map_err(|e| unfit(&e))?;
-            write(index + 1, &bytes)?;
-        }
-        Ok(())
-    }
-
-    fn add_to_film(&mut self, image: &Image, job: &Job, mut metadata: Vec<(String, String)>) -> Result<(), Failure> {
-        let (output, format) = (&self.plan.output, self.plan.output.format);
-        let failed = |error| film_failed(format, error);
-        let mut film = match (self.film.take(), format.film()) {
-            (Some(film), _) => film,
-            (None, None) => return Ok(()),
-            (None, Some(kind)) => {
-                metadata.push(("frames".into(), self.plan.frames.to_string()));
-                let settings = MovieSettings {
-                    width: image.width,
-                    height: image.height,
-                    rate: self.plan.rate,
-                    frames: self.plan.frames.count() as u32,
-                    transfer: job.film.transfer,
-                    compression: output.settings.compression,
-                    metadata,
-                };
-                let film = Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?;
-                interrupt::remove_on_leaving(film.temporary());
-                film
-            }
-        };
-        film.add(image).map_err(failed)?;
-        self.film = Some(film);
-        Ok(())
-    }
-
     /// Reports that a frame is done.
     fn tell(&self, report: &Report, job: &Job) {
         match self.plan.style {
@@ -491,11 +342,7 @@ impl<'a> Series<'a> {
     /// Finishes the run and gives the film its name.
     fn finish(self) -> Result<Exit, Failure> {
         let format = self.plan.output.format;
-        if let Some(film) = self.film {
-            film.finish().map_err(|e| film_failed(format, e))?;
-            interrupt::remove_on_leaving(None);
-            remove_part(&self.plan.output.path(0));
-        }
+        self.writer.finish()?;
         let (rendered, kept, frames) = (self.rendered, self.kept, self.plan.frames.count());
         if self.plan.style == Style::Json {
             if frames == 1 && !self.plan.numbered {
@@ -532,10 +379,7 @@ impl<'a> Series<'a> {
         let (json, plan, done) = (self.plan.style == Style::Json, self.plan, self.rendered + self.kept);
         let (frames, format) = (plan.frames, plan.output.format);
         let paint = Paint::stderr().yellow("interrupted:");
-        let film_part = match self.film {
-            Some(film) => Self::save_film_part(plan, film)?,
-            None => None,
-        };
+        let film_part = self.writer.finish_part()?;
         if json {
             if let Some(file) = film_part {
                 emit(&json!({ "event": "interrupted", "frames": done, "files": [file] }));
@@ -563,22 +407,6 @@ impl<'a> Series<'a> {
         });
         Ok(Exit::Interrupted)
     }
-
-    /// Saves a partial film of the finished frames beside the film's file; returns its path.
-    fn save_film_part(plan: &Plan, film: Movie) -> Result<Option<String>, Failure> {
-        let format = plan.output.format;
-        let path = plan.output.path(0);
-        let beside = plan.output.has_place_beside(&path);
-        let place = if beside { free_partial_path(&path) } else { path };
-        // The program doesn't wait for ffmpeg, which may take long.
-        if beside && format.film().is_some_and(|film| !film.needs_ffmpeg()) {
-            interrupt::Rendering::saves();
-        }
-        let frames = film.finish_part(&place).map_err(|e| film_failed(format, e))?;
-        interrupt::remove_on_leaving(None);
-        let name = if place == Path::new("-") { "the standard output".to_owned() } else { place.display().to_string() };
-        Ok((frames > 0).then_some(name))
-    }
 }
 
 /// The rendered share of a picture in percent.
@@ -598,10 +426,4 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
         }
         None => format!("{paint} no part of the picture was finished, so nothing is written"),
     }
-}
-
-/// The rendered part's place in the camera's picture.
-pub(crate) fn window(job: &Job) -> Window {
-    let [x, y, ..] = job.window();
-    Window { at: [x as i32, y as i32], whole: job.camera.size() }
 }

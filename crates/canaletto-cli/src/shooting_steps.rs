@@ -2,11 +2,11 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
+use crate::frame_writer::window;
 use crate::interrupt;
 use crate::output::{Output, OutputFlags, numbered, unfit};
 use crate::output_format::Format;
 use crate::progress::{Style, emit};
-use crate::series::window;
 use crate::solutions::check_radiosity;
 use canaletto::Named;
 use canaletto::integrator::radiosity::{ShootingStep, ShootingWatcher};

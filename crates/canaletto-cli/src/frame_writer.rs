@@ -1,0 +1,194 @@
+//! The files of rendered frames: a picture with its layers, the part of an interrupted picture, or a film.
+
+use crate::command::render::Plan;
+use crate::complete::texts;
+use crate::failure::{Failure, eprint_line};
+use crate::interrupt;
+use crate::layers;
+use crate::output::{film_failed, unfit};
+use crate::partial::{UNFINISHED, free_partial_path, remove_part};
+use crate::progress::Style;
+use canaletto::Named;
+use canaletto::render::{Aov, Job, Rendering};
+use canaletto::world::World;
+use canaletto_io::movie::{Movie, MovieSettings};
+use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered, Window};
+use std::path::Path;
+
+/// Writes the frames of a plan.
+pub(crate) struct FrameWriter<'a> {
+    plan: &'a Plan,
+    quiet: bool,
+    /// The film, once it has a frame.
+    film: Option<Movie>,
+}
+
+/// A rendered frame with what its files need.
+#[derive(Clone, Copy)]
+pub(crate) struct FramePicture<'a> {
+    pub world: &'a World,
+    pub job: &'a Job,
+    pub rendering: &'a Rendering,
+    /// The text entries that all files of the series share.
+    pub texts: &'a [(String, String)],
+}
+
+impl<'a> FrameWriter<'a> {
+    /// A writer that has written nothing.
+    pub(crate) fn new(plan: &'a Plan, quiet: bool) -> FrameWriter<'a> {
+        FrameWriter { plan, quiet, film: None }
+    }
+
+    /// Writes a picture and its layers, or adds it to the film; returns the files' names.
+    pub(crate) fn write(&mut self, frame: &FramePicture<'_>) -> Result<Vec<String>, Failure> {
+        let (plan, files) = (self.plan, self.plan.files(frame.job.frame));
+        if plan.output.format.film().is_some() {
+            let image = layers::developed(&frame.rendering.picture, &frame.job.film);
+            self.add_to_film(&image, frame.job, frame.texts.to_vec())?;
+        } else {
+            self.encode(frame, |index, bytes| plan.output.write(&files[index], bytes))?;
+        }
+        Ok(files.iter().map(|file| file.display().to_string()).collect())
+    }
+
+    /// Writes a partial picture and its layers beside their files; returns the names.
+    pub(crate) fn write_part(&self, frame: &FramePicture<'_>) -> Result<Vec<String>, Failure> {
+        let (plan, files) = (self.plan, self.plan.files(frame.job.frame));
+        let mut names = Vec::new();
+        if plan.output.has_place_beside(&files[0]) {
+            interrupt::Rendering::saves();
+            let picture = &frame.rendering.picture;
+            if let Some(format) = plan.output.format.picture().filter(|format| format.has_rows(picture)) {
+                names.push(self.write_rows(format, frame, &files[0])?);
+            }
+        }
+        if names.is_empty() {
+            self.encode(frame, |index, bytes| {
+                names.push(plan.output.write_part(&files[index], bytes)?.display().to_string());
+                Ok(())
+            })?;
+        }
+        if !interrupt::has_time_to_save() && plan.style != Style::Json && !self.quiet {
+            eprint_line("saving the part took too long: its lower rows, or layers, may be missing");
+        }
+        Ok(names)
+    }
+
+    /// Gives the film its name, if there is one.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        if let Some(film) = self.film {
+            film.finish().map_err(|e| film_failed(self.plan.output.format, e))?;
+            interrupt::remove_on_leaving(None);
+            remove_part(&self.plan.output.path(0));
+        }
+        Ok(())
+    }
+
+    /// Saves a partial film of the finished frames beside the film's file; returns its path.
+    pub(crate) fn finish_part(self) -> Result<Option<String>, Failure> {
+        let (plan, Some(film)) = (self.plan, self.film) else { return Ok(None) };
+        let format = plan.output.format;
+        let path = plan.output.path(0);
+        let beside = plan.output.has_place_beside(&path);
+        let place = if beside { free_partial_path(&path) } else { path };
+        // The program doesn't wait for ffmpeg, which may take long.
+        if beside && format.film().is_some_and(|film| !film.needs_ffmpeg()) {
+            interrupt::Rendering::saves();
+        }
+        let frames = film.finish_part(&place).map_err(|e| film_failed(format, e))?;
+        interrupt::remove_on_leaving(None);
+        let name = if place == Path::new("-") { "the standard output".to_owned() } else { place.display().to_string() };
+        Ok((frames > 0).then_some(name))
+    }
+
+    /// Writes a partial picture with its layers beside its file, row by row; returns its name.
+    fn write_rows(&self, format: PictureFormat, frame: &FramePicture<'_>, file: &Path) -> Result<String, Failure> {
+        let rendered = Rendered { picture: &frame.rendering.picture, film: &frame.job.film };
+        let (settings, texts) = (self.settings(frame), frame.texts(None));
+        let place = self.plan.output.write_part_with(file, |out| {
+            format.write_rows(&rendered, &settings, &texts, out, &interrupt::has_time_to_save)
+        })?;
+        Ok(place.display().to_string())
+    }
+
+    /// How a picture is written. A partial picture must be written in the time that a signal leaves.
+    fn settings(&self, frame: &FramePicture<'_>) -> EncodeSettings {
+        let settings = self.plan.output.settings;
+        let compression = if frame.rendering.complete { settings.compression } else { Compression::Fast };
+        EncodeSettings { compression, window: Some(window(frame.job)), ..settings }
+    }
+
+    /// Calls `write` with the bytes of each file of a picture: the picture itself, then layers that have files of their
+    /// own.
+    fn encode(
+        &self,
+        frame: &FramePicture<'_>,
+        mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let (rendering, job, output) = (frame.rendering, frame.job, self.plan.output.format);
+        let (picture, film) = (&rendering.picture, &job.film);
+        let Some(format) = output.picture() else { return Ok(()) };
+        let goes_on = || rendering.complete || interrupt::has_time_to_save();
+        let settings = self.settings(frame);
+        let bytes = format.encode(&Rendered { picture, film }, &settings, &frame.texts(None), &goes_on);
+        write(0, &bytes.map_err(|e| unfit(&e))?)?;
+        if output.has_layers() {
+            return Ok(());
+        }
+        for (index, (layer, aov)) in picture.layers.iter().zip(&job.aovs).enumerate() {
+            if !goes_on() {
+                break;
+            }
+            let (image, transfer) = layers::to_image(layer, picture, film, &frame.world.bounds());
+            let mut texts = frame.texts(Some(*aov));
+            texts.push(("transfer".into(), transfer.name().into()));
+            let bytes = format.encode_image(&image, transfer, &settings, &texts).map_err(|e| unfit(&e))?;
+            write(index + 1, &bytes)?;
+        }
+        Ok(())
+    }
+
+    fn add_to_film(&mut self, image: &Image, job: &Job, mut metadata: Vec<(String, String)>) -> Result<(), Failure> {
+        let (output, format) = (&self.plan.output, self.plan.output.format);
+        let failed = |error| film_failed(format, error);
+        let mut film = match (self.film.take(), format.film()) {
+            (Some(film), _) => film,
+            (None, None) => return Ok(()),
+            (None, Some(kind)) => {
+                metadata.push(("frames".into(), self.plan.frames.to_string()));
+                let settings = MovieSettings {
+                    width: image.width,
+                    height: image.height,
+                    rate: self.plan.rate,
+                    frames: self.plan.frames.count() as u32,
+                    transfer: job.film.transfer,
+                    compression: output.settings.compression,
+                    metadata,
+                };
+                let film = Movie::begin(kind, &output.path(0), output.options(), settings).map_err(failed)?;
+                interrupt::remove_on_leaving(film.temporary());
+                film
+            }
+        };
+        film.add(image).map_err(failed)?;
+        self.film = Some(film);
+        Ok(())
+    }
+}
+
+impl FramePicture<'_> {
+    /// The text entries of the picture's file, or of a layer's file.
+    fn texts(&self, layer: Option<Aov>) -> Vec<(String, String)> {
+        let mut texts = texts(self.texts, self.job, layer);
+        if !self.rendering.complete {
+            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
+        }
+        texts
+    }
+}
+
+/// The rendered part's place in the camera's picture.
+pub(crate) fn window(job: &Job) -> Window {
+    let [x, y, ..] = job.window();
+    Window { at: [x as i32, y as i32], whole: job.camera.size() }
+}
