@@ -5,9 +5,9 @@ use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use crate::inputs::InputGuard;
-use canaletto::scene::Scene;
+use canaletto::scene::{Integrator, Scene};
 use canaletto::world::{BuildError, BuildOptions, World};
-use canaletto::{WordHash, memory};
+use canaletto::{Named, WordHash, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use canaletto_io::import;
@@ -51,7 +51,7 @@ pub(crate) struct UsedFile {
 impl Source {
     /// Reads a scene or model at a frame. The default is its first frame.
     pub(crate) fn read(flags: &SourceFlags, frame: Option<u32>) -> Result<Source, Failure> {
-        let mut reader = Reader::open(flags)?;
+        let mut reader = Reader::open(flags, None)?;
         let frame = frame.unwrap_or(reader.first_frame());
         reader.at(frame)
     }
@@ -73,9 +73,11 @@ pub(crate) const STDIN: &str = "-";
 const STDIN_NAME: &str = "<stdin>";
 
 impl Reader {
-    /// Opens the scene or model that the flags name.
-    pub(crate) fn open(flags: &SourceFlags) -> Result<Reader, Failure> {
-        Reader::open_file(&flags.scene, &flags.set, flags.allow_outside)
+    /// Opens the scene or model that the flags name. `integrator` replaces its integrator before --set acts.
+    pub(crate) fn open(flags: &SourceFlags, integrator: Option<Integrator>) -> Result<Reader, Failure> {
+        let mut set = flags.set.clone();
+        set.extend(integrator.map(|integrator| format!("integrator={}", integrator.name())));
+        Reader::open_file(&flags.scene, &set, flags.allow_outside)
     }
 
     /// Opens a file; `set` changes its values.
@@ -99,11 +101,6 @@ impl Reader {
         let assets = RecordingAssets { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
         let source = source::open(&file, &assets, set).map_err(|error| match error {
             OpenError::Mistakes(mistakes) => mistakes.into(),
-            OpenError::NothingToSet => {
-                let first = set.first().map_or("", String::as_str);
-                Failure::usage(format!("--set {first}: only scenes in Canaletto's own text have values to set"))
-                    .help(format!("write a scene with `mesh file=\"{file}\"` in it"))
-            }
             OpenError::UnknownFormat => {
                 Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))
                     .help(format!("scenes end in .kdl, models in .{}", import::extensions().join(", .")))

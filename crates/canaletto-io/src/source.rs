@@ -77,8 +77,6 @@ impl Default for Timeline {
 pub enum OpenError {
     /// The extension is that of neither a scene text nor a model.
     UnknownFormat,
-    /// There are overrides, but a model has no values to set.
-    NothingToSet,
     /// The text can't be parsed.
     Mistakes(Diagnostics),
 }
@@ -86,7 +84,7 @@ pub enum OpenError {
 /// The extension of scene texts.
 const TEXT_EXTENSION: &str = "kdl";
 
-/// Opens a scene text or a model, by the extension of the file's name. `set` holds overrides for a scene text, as
+/// Opens a scene text or a model, by the extension of the file's name. `set` holds overrides, as
 /// [`crate::text::read_scene_with`] takes them.
 ///
 /// # Errors
@@ -102,7 +100,6 @@ pub fn open(file: &str, assets: &dyn Assets, set: &[String]) -> Result<Box<dyn S
     }
     match ModelFormat::of_extension(&extension) {
         None => Err(OpenError::UnknownFormat),
-        Some(_) if !set.is_empty() => Err(OpenError::NothingToSet),
-        Some(_) => Ok(Box::new(Model::new(file))),
+        Some(_) => Ok(Box::new(Model::new(file, set))),
     }
 }

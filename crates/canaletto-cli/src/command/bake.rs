@@ -116,7 +116,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let files: Vec<PathBuf> = format.endings(flags.maps).iter().map(|ending| beside(&output, ending)).collect();
     check_files(files.clone(), &output, flags.no_clobber)?;
     SolutionFlags::from(&flags.solution).check_files(&files, flags.no_clobber)?;
-    let mut reader = Reader::open(&flags.source)?;
+    let mut reader = Reader::open(&flags.source, None)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     if !flags.quiet {

@@ -75,7 +75,7 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
 }
 
 fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
-    let mut reader = Reader::open(&flags.source)?;
+    let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
     reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;

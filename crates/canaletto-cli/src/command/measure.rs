@@ -92,7 +92,7 @@ pub(crate) fn run(flags: &MeasureFlags) -> Result<Exit, Failure> {
 fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let begun = Instant::now();
     let points = read_points(&flags.points)?;
-    let mut reader = Reader::open(&flags.source)?;
+    let mut reader = Reader::open(&flags.source, None)?;
     let source = reader.at(flags.frame.unwrap_or(reader.first_frame()))?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);

@@ -8,6 +8,7 @@ use crate::frames::{Frames, FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
 use crate::output::{Output, OutputFlags, replaced};
+use crate::output_format::Format;
 use crate::partial::partial;
 use crate::progress::{ProgressFlag, Style, emit};
 use crate::series::Series;
@@ -35,7 +36,7 @@ pub(crate) struct RenderFlags {
     #[command(flatten)]
     pub source: SourceFlags,
 
-    /// More scenes, each rendered to a separate file; --output then names a folder
+    /// More scenes, each rendered to a separate file; --output then names a folder, or has {name} in it
     #[arg(value_name = "MORE")]
     pub more: Vec<PathBuf>,
 
@@ -104,6 +105,7 @@ Examples:
   canaletto render hall.ply --samples 256 --build high       # long triangles, many rays
   canaletto render shot.kdl --set camera.fovy=40 -o - | display
   canaletto render scenes/*.kdl -o pictures                  # a picture of each scene in a folder
+  canaletto render scenes/*.kdl -o 'small/{name}.half.png' --size 50%
   canaletto render room.kdl --save-solution room.rad         # radiosity solved once, for ...
   canaletto render room.kdl --solution room.rad --camera two -o two.png
   make-scene | canaletto render - -o made.png                # a scene text on the standard input";
@@ -240,7 +242,7 @@ struct Task {
 impl Task {
     fn new(flags: RenderFlags) -> Result<Task, Failure> {
         let style = Style::new(flags.progress, flags.quiet);
-        let mut reader = Reader::open(&flags.source)?;
+        let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
         reader.choose_camera(flags.picture.camera.as_deref());
         if let Some(fps) = flags.fps {
             reader.set_fps(fps);
@@ -270,9 +272,7 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
         return on_threads(flags.source.threads, || several(flags))?;
     }
     let mut flags = flags.clone();
-    if let Some(folder) = flags.output.output.take_if(|output| output.is_dir() && output.extension().is_none()) {
-        flags.output.output = Some(in_folder(&flags, &folder, &flags.source.scene));
-    }
+    flags.output.output = flags.output.output.as_deref().map(|output| own_output(&flags, output, &flags.source.scene));
     let threads = flags.source.threads;
     let task = Task::new(flags)?;
     let outputs = task.outputs();
@@ -282,25 +282,37 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
     })?
 }
 
-/// The path of a scene's picture in a folder.
-fn in_folder(flags: &RenderFlags, folder: &Path, scene: &Path) -> PathBuf {
-    folder.join(flags.output.default_name(&stem(scene), flags.frames.is_some()))
+/// Stands for the scene's name in --output.
+const NAME: &str = "{name}";
+
+/// The output of a scene: `output` with the scene's name for `{name}`, or its picture in the folder `output`.
+fn own_output(flags: &RenderFlags, output: &Path, scene: &Path) -> PathBuf {
+    match output.to_str().filter(|text| text.contains(NAME)) {
+        Some(text) => text.replace(NAME, &stem(scene)).into(),
+        None if is_folder(output) => output.join(flags.output.default_name(&stem(scene), flags.frames.is_some())),
+        None => output.to_owned(),
+    }
+}
+
+/// Whether a path is a folder for pictures. One that is named like a picture is rather a mistake.
+fn is_folder(path: &Path) -> bool {
+    path.is_dir() && path.extension().and_then(|extension| Format::of_extension(extension.to_str()?)).is_none()
 }
 
 /// Renders several scenes, each into a file of its own. A scene with mistakes doesn't stop the others. The exit code is
 /// that of the first failed scene.
 fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let json = flags.progress == ProgressFlag::Json;
-    let folder = flags.output.output.as_deref();
+    let output = flags.output.output.as_deref();
     if let Some(flag) = flags.solution.given().or(flags.shooting.shooting_steps.as_ref().map(|_| "--shooting-steps")) {
         return Err(Failure::usage(format!("{flag}: it is for one scene, but there are several")));
     }
-    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-        return Err(Failure::usage(format!(
-            "--output {} is no folder, but there are several scenes",
-            folder.display()
-        ))
-        .help("give a folder that exists, or leave it out: each picture is called like its scene"));
+    let is_for_all = |output: &Path| is_folder(output) || output.to_str().is_some_and(|text| text.contains(NAME));
+    if let Some(one) = output.filter(|output| !is_for_all(output)) {
+        let message = format!("--output {} is no folder, but there are several scenes", one.display());
+        let help = "give a folder that exists, or a pattern such as 'pictures/{name}.png'; without --output each picture \
+                    is called like its scene";
+        return Err(Failure::usage(message).help(help));
     }
     let mut exit = Exit::Done;
     let mut fail = |failure: &Failure| {
@@ -312,7 +324,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     for scene in [&flags.source.scene].into_iter().chain(&flags.more) {
         let mut own = RenderFlags { more: Vec::new(), ..flags.clone() };
         own.source.scene = scene.clone();
-        own.output.output = folder.map(|folder| in_folder(flags, folder, scene));
+        own.output.output = output.map(|output| own_output(flags, output, scene));
         match Task::new(own) {
             Ok(task) => {
                 if let Some(file) = task.plan.all_files().find(|file| outputs.contains(file)) {

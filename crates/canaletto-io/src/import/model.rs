@@ -4,19 +4,24 @@ use super::load;
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
 use crate::source::{SceneSource, Timeline};
+use crate::text::set_in_model;
 use canaletto::scene::Scene;
 
 /// A model file, which has one scene for all frames.
 #[derive(Clone, Debug)]
 pub struct Model {
     file: String,
+    /// The overrides of its scene.
+    set: Vec<String>,
     timeline: Timeline,
 }
 
 impl Model {
-    /// The model of this file. It is read by [`SceneSource::scene`].
-    pub fn new(file: &str) -> Model {
-        Model { file: file.to_owned(), timeline: Timeline::default() }
+    /// The model of this file, which is read by [`SceneSource::scene`]. `set` holds overrides of its scene, as
+    /// [`crate::text::read_scene_with`] takes them. They can change the camera, the film, the integrator, the
+    /// background, the ambient light, materials and lights.
+    pub fn new(file: &str, set: &[String]) -> Model {
+        Model { file: file.to_owned(), set: set.to_vec(), timeline: Timeline::default() }
     }
 }
 
@@ -42,6 +47,12 @@ impl SceneSource for Model {
     }
 
     fn scene(&mut self, assets: &dyn Assets, _: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
-        load(&self.file, assets)
+        let (scene, mut warnings) = load(&self.file, assets)?;
+        if self.set.is_empty() {
+            return Ok((scene, warnings));
+        }
+        let (scene, more) = set_in_model(scene, &self.file, assets, &self.set)?;
+        warnings.append(more);
+        Ok((scene, warnings))
     }
 }

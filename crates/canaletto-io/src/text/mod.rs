@@ -9,6 +9,7 @@ mod closest_word;
 mod decode;
 mod file_cache;
 mod files;
+mod model_settings;
 mod nodes;
 mod overrides;
 mod reader;
@@ -21,6 +22,7 @@ mod validate;
 
 pub use closest_word::closest_word;
 pub use files::MAX_TEXT;
+pub(crate) use model_settings::set_in_model;
 pub(crate) use nodes::DEFAULT_FPS;
 pub use reference::reference_markdown;
 
@@ -32,6 +34,7 @@ use canaletto::scene::{Scene, View};
 use file_cache::FrameCache;
 use files::{Files, Loader};
 use nodes::{CAMERA, MATERIAL, NAME, OF, PATH};
+use overrides::Settable;
 use report::{Message, Report};
 
 /// Reads the scene of a file.
@@ -43,7 +46,7 @@ pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics
 }
 
 /// Reads the scene of a file after applying overrides, and returns it with its warnings. `set` holds assignments such
-/// as `integrator.max-depth=3`, `material.glass.eta=1.4` or `film.sample="jittered" n=4`. Messages about the n-th
+/// as `integrator.max-depth=3`, `material.glass.eta=1.4`, `integrator=zbuffer` or `film.sample="jittered" n=4`. Messages about the n-th
 /// assignment name line n of the file `--set`. Animated values are those of [`SceneDocument::first_frame`].
 ///
 /// # Errors
@@ -95,7 +98,7 @@ impl SceneDocument {
             diagnostic.help = error.help();
             diagnostic
         })?;
-        let mut loader = Loader::new(assets, set.is_empty());
+        let mut loader = Loader::new(assets, overrides::changes_settings_only(set));
         let nodes = loader.load(asset, None);
         SceneDocument::new(loader, nodes, set)
     }
@@ -105,7 +108,7 @@ impl SceneDocument {
     /// # Errors
     /// The messages if none of the text can be parsed. Other mistakes are returned by [`SceneDocument::scene`].
     pub fn of_text(text: &str, name: &str, assets: &dyn Assets, set: &[String]) -> Result<SceneDocument, Diagnostics> {
-        let mut loader = Loader::new(assets, set.is_empty());
+        let mut loader = Loader::new(assets, overrides::changes_settings_only(set));
         if text.len() > files::MAX_TEXT {
             return Err(Diagnostic::error(name, format!("the text is more than {} MiB", files::MAX_TEXT >> 20)).into());
         }
@@ -120,7 +123,7 @@ impl SceneDocument {
         if nodes.is_empty() && report.has_errors() {
             return Err(report.finish(&files));
         }
-        overrides::apply_set(&mut nodes, set, &mut files, &mut report);
+        overrides::apply_set(&mut nodes, set, Settable::Scene, &mut files, &mut report);
         let (timeline, report) = animate::timeline(&nodes, &files, report);
         let keep = FrameCache::new(timeline.moves);
         let times = animate::times(&nodes);

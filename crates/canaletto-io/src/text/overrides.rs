@@ -5,27 +5,72 @@
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{
-    self, ALTERNATIVES, CAMERA, DEFAULT_CAMERA, GROUP, INCLUDE, MATERIAL_NODE, NAME, PATH, PROTOTYPE, TEXTURE,
+    self, ALTERNATIVES, ANIMATION, CAMERA, DEFAULT_CAMERA, ENVIRONMENT, GROUP, INCLUDE, INTEGRATOR, LIGHT,
+    MATERIAL_NODE, NAME, PATH, PROTOTYPE, TEXTURE,
 };
 use super::report::{Message, Report};
 use super::syntax::{Node, Span, parse_entries};
 use crate::assets::AssetPath;
+use crate::diagnostic::word_list;
+
+/// What assignments may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Settable {
+    /// Any node of a scene text.
+    Scene,
+    /// What [`super::model_settings`] describes of a model.
+    Model,
+}
+
+impl Settable {
+    /// The words of the nodes that may be set.
+    fn words(self) -> Vec<&'static str> {
+        let is_settable = |word: &&str| match self {
+            Settable::Scene => *word != INCLUDE.name,
+            Settable::Model => {
+                let in_model = [CAMERA.name, MATERIAL_NODE.name, LIGHT].contains(word);
+                in_model || nodes::is_single(word) && ![ENVIRONMENT, ANIMATION.name].contains(word)
+            }
+        };
+        nodes::top().into_iter().filter(is_settable).collect()
+    }
+}
 
 /// Applies assignments `word.name.word=values` to the nodes. The words are those of the scene text. Without a name, all
-/// nodes of that word change.
-pub(crate) fn apply_set(nodes: &mut Vec<Node>, assignments: &[String], files: &mut Files, report: &mut Report) {
+/// nodes of that word change. `integrator=NAME` acts before the others, wherever it stands, so that they can set what
+/// that integrator has.
+pub(crate) fn apply_set(
+    nodes: &mut Vec<Node>,
+    assignments: &[String],
+    settable: Settable,
+    files: &mut Files,
+    report: &mut Report,
+) {
     if assignments.is_empty() {
         return;
     }
     let lines: Vec<String> = assignments.iter().map(|a| a.replace(['\n', '\r'], " ")).collect();
     let text = lines.join("\n");
     let file = files.add("--set".into(), AssetPath::new("", "--set", "--set"), text.as_str().into());
-    let mut start = 0;
-    for line in &lines {
-        let mut setter = Setter { nodes, line, start, file, report };
-        setter.apply();
-        start += line.len() + 1;
+    for choices in [true, false] {
+        let mut start = 0;
+        for line in &lines {
+            if chooses_integrator(line) == choices {
+                Setter { nodes, line, start, file, settable, report }.apply();
+            }
+            start += line.len() + 1;
+        }
     }
+}
+
+/// Whether assignments leave objects and materials as they are, so that those may be packed.
+pub(crate) fn changes_settings_only(assignments: &[String]) -> bool {
+    assignments.iter().all(|line| nodes::is_single(line.split(['.', '=']).next().unwrap_or_default().trim()))
+}
+
+/// Whether an assignment is `integrator=NAME`.
+fn chooses_integrator(line: &str) -> bool {
+    line.split_once('=').is_some_and(|(path, _)| path.trim() == INTEGRATOR.name)
 }
 
 struct Setter<'a> {
@@ -33,6 +78,7 @@ struct Setter<'a> {
     line: &'a str,
     start: usize,
     file: u16,
+    settable: Settable,
     report: &'a mut Report,
 }
 
@@ -58,17 +104,26 @@ impl Setter<'_> {
         }
         let (word, from, to) = &path[0];
         let span = self.span(*from, *to);
-        if !nodes::top().contains(&word.as_str()) || word == INCLUDE.name {
-            let message = Message::error(span, format!("there is nothing called {word} to set"));
-            let words: Vec<&str> = nodes::top().into_iter().filter(|w| *w != INCLUDE.name).collect();
-            let nearest = closest_word(word, words.iter().copied()).map(|right| format!("did you mean {right}?"));
-            let help = nearest.unwrap_or_else(|| "for example: integrator.max-depth=3, material.glass.eta=1.4".into());
-            self.report.push(message.help(help));
+        let words = self.settable.words();
+        if !words.contains(&word.as_str()) {
+            self.report.push(match nodes::top().contains(&word.as_str()) && self.settable == Settable::Model {
+                true => Message::error(span, format!("a model has no {word} to set")).help(format!(
+                    "a model has {}; a scene with `mesh file=…` in it has everything",
+                    word_list(&words, "and")
+                )),
+                false => {
+                    let nearest = closest_word(word, words).map(|right| format!("did you mean {right}?"));
+                    let example = || "for example: integrator.max-depth=3, material.glass.eta=1.4".into();
+                    let message = Message::error(span, format!("there is nothing called {word} to set"));
+                    message.help(nearest.unwrap_or_else(example))
+                }
+            });
             return;
         }
         let (single, plain) = (nodes::is_single(word), nodes::is_plain(word));
         match &path[1..] {
             [] if plain => self.replace(value),
+            [] if word == INTEGRATOR.name => self.choose(value),
             [_] if single => {
                 let found = self.nodes.iter_mut().rev().find(|node| *node.name == **word);
                 match found {
@@ -89,6 +144,7 @@ impl Setter<'_> {
                 let whole = self.span(path[0].1, path[path.len() - 1].2);
                 let form = match single {
                     _ if plain => format!("{word}=…"),
+                    true if word == INTEGRATOR.name => format!("{word}=NAME or {word}.WORD=…"),
                     true => format!("{word}.WORD=…"),
                     false => format!("{word}.WORD=… for all, {word}.NAME.WORD=… for one"),
                 };
@@ -129,6 +185,13 @@ impl Setter<'_> {
         let message = Message::error(span, "this sets nothing: an = is missing");
         self.report.push(message.help("for example: integrator.max-depth=3"));
         None
+    }
+
+    /// Adds a node as one of a later file. It keeps the settings of an integrator of the same name; another one starts
+    /// with its defaults.
+    fn choose(&mut self, value: Node) {
+        self.nodes.retain(|node| *node.name != *INTEGRATOR.name || node.name_span.file != self.file);
+        self.nodes.push(value);
     }
 
     /// Replaces a node that consists of values only, in the last file that has one.
@@ -210,5 +273,49 @@ fn put(node: &mut Node, value: Node) {
             });
         }
         None => node.children.push(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::assets::MemoryAssets;
+    use crate::text::read_scene_text;
+    use canaletto::scene::{Integrator, ShadowMethod, WhittedSettings, ZbufferSettings};
+
+    const SCENE: &str = "camera { eye 0 0 9; size 8 8 }\nintegrator \"whitted\" { max-depth 3; shadows #false }\n\
+        sphere { center 0 0 0; radius 1 }\nlight \"omni\" { position 1 2 3 }\n";
+
+    fn set(set: &[&str]) -> Result<Integrator, String> {
+        let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+        let read = read_scene_text(SCENE, "s", &MemoryAssets::new(), &set);
+        read.map(|(scene, _)| scene.integrator).map_err(|mistakes| mistakes.to_string())
+    }
+
+    #[test]
+    fn another_integrator_starts_with_its_defaults() {
+        let flat = ZbufferSettings { shadows: ShadowMethod::None, ..ZbufferSettings::DEFAULT };
+        assert_eq!(set(&["integrator=zbuffer"]), Ok(ZbufferSettings::DEFAULT.into()));
+        // The choice of the integrator acts first, wherever it stands.
+        assert_eq!(set(&["integrator=zbuffer", "integrator.shadows=none"]), Ok(flat.into()));
+        assert_eq!(set(&["integrator.shadows=none", "integrator=\"zbuffer\""]), Ok(flat.into()));
+        // The last choice decides.
+        assert_eq!(set(&["integrator=radiosity", "integrator=zbuffer"]), Ok(ZbufferSettings::DEFAULT.into()));
+        // The scene's own settings stay where its integrator is named again.
+        let own = WhittedSettings { max_depth: 3, shadows: false, ..WhittedSettings::DEFAULT };
+        assert_eq!(set(&["integrator=whitted"]), Ok(own.into()));
+        assert_eq!(set(&["integrator.max-depth=4"]), Ok(WhittedSettings { max_depth: 4, ..own }.into()));
+    }
+
+    #[test]
+    fn wrong_integrators_are_told() {
+        for (assignments, words) in [
+            (&["integrator=zbufer"][..], "did you mean \"zbuffer\"?"),
+            (&["integrator=zbuffer", "integrator.max-depth=3"], "the integrator \"zbuffer\" has no max-depth"),
+            (&["integrator.shadows=map"], "the integrator \"whitted\" takes #true or #false"),
+            (&["integrator=zbuffer extra"], "integrator"),
+        ] {
+            let told = set(assignments).unwrap_err();
+            assert!(told.contains(words) && told.contains("--set"), "{assignments:?}: {told}");
+        }
     }
 }

@@ -173,7 +173,7 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     let Some(format) = output.format.picture() else {
         return Err(Failure::usage(format!("--output: {} isn't a format of pictures", output.format)));
     };
-    let mut reader = Reader::open(&flags.source)?;
+    let mut reader = Reader::open(&flags.source, None)?;
     reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;

@@ -9,6 +9,7 @@ mod warnings;
 
 use super::file_cache::FrameCache;
 use super::files::Files;
+use super::model_settings::is_described;
 use super::nodes::{self, GROUP, Images, LIGHT, MATERIAL_NODE, MeshCache, PROTOTYPE};
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
@@ -65,6 +66,38 @@ pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<V
     let mut decoder = Decoder::new(validator, assets, names, &mut keep, &|_| Vec::new());
     decoder.settings(nodes);
     decoder.scene.views
+}
+
+/// Decodes nodes over a scene: each of them changes the fields that it has. Materials and lights without a field from
+/// another file than `own` are left as they are. The nodes of materials are in the order of the scene's materials, and
+/// those of lights in the order of its described lights.
+pub(crate) fn override_scene(
+    scene: Scene,
+    nodes: &[Node],
+    own: u16,
+    files: &Files,
+    assets: &dyn Assets,
+    report: Report,
+) -> (Option<Scene>, Report) {
+    let mut keep = FrameCache::new(false);
+    let mut decoder = Decoder::new(Validator::new(files, report), assets, Names::default(), &mut keep, &|_| Vec::new());
+    decoder.scene = scene;
+    decoder.settings(nodes);
+    let is_changed = |node: &Node| node.children.iter().any(|child| child.name_span.file != own);
+    let materials = nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name);
+    for (index, node) in materials.enumerate().filter(|(_, node)| is_changed(node)) {
+        decoder.override_material(node, index);
+    }
+    let described = decoder.scene.nodes.iter().enumerate().filter(|(_, node)| is_described(node));
+    let described: Vec<usize> = described.map(|(index, _)| index).collect();
+    let lights = nodes.iter().filter(|node| *node.name == *LIGHT);
+    for (node, index) in lights.zip(described).filter(|(node, _)| is_changed(node)) {
+        match decoder.light(node) {
+            Some(light) => decoder.scene.nodes[index] = light,
+            None => decoder.valid = false,
+        }
+    }
+    (decoder.valid.then_some(decoder.scene), decoder.validator.report)
 }
 
 pub(crate) struct Decoder<'a> {

@@ -7,6 +7,7 @@ use crate::text::validate::Validator;
 use std::collections::{HashMap, HashSet};
 
 /// Objects by their names.
+#[derive(Default)]
 pub(crate) struct Names<'a> {
     by_name: HashMap<&'a str, Target>,
     slots: usize,

@@ -1,7 +1,9 @@
 //! The node of a material.
 
+use super::change;
 use super::surface_texture::TEXTURE;
 use crate::text::decode::Decoder;
+use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
@@ -94,35 +96,50 @@ impl<'a> Decoder<'a> {
                 self.valid = false;
                 continue;
             }
-            let mut phong = Phong::default();
-            for row in Parameter::ALL {
-                let value = if row.is_color() {
-                    fields.get(&color(row)).map(ParameterValue::Color)
-                } else {
-                    fields.get(&number(row)).map(ParameterValue::Number)
-                };
-                if let Some(value) = value {
-                    row.set(&mut phong, value);
-                }
-            }
-            let mut material = Material::new(name, phong);
-            material.coverage = fields.get(&COVERAGE).unwrap_or(material.coverage);
-            material.priority = fields.get(&PRIORITY).unwrap_or(material.priority);
-            material.two_sided = fields.get(&TWO_SIDED).unwrap_or(material.two_sided);
-            let checked = material.check();
-            material.textures = self.surface_textures(&fields);
-            if let Err(problem) = checked {
-                self.out_of_range(&fields, &problem);
-            }
-            // Radiance may have any size.
-            for row in Parameter::ALL.iter().filter(|row| row.is_color() && row.parameter != Parameter::Emission) {
-                self.doubt_reflectance(&fields, &color(row));
-            }
-            self.doubt_eta(&fields, &number(Parameter::Eta.info()), !material.is_opaque());
-            self.doubt_two_sided(&fields, &TWO_SIDED, material.may_emit());
+            let mut material = Material::new(name, Phong::default());
+            self.change_material(&fields, &mut material);
             self.materials.insert(name, self.scene.materials.len() as u32);
             self.scene.materials.push(material);
             self.used.push(false);
         }
+    }
+    /// Changes a material of the scene by the fields of its node.
+    pub(crate) fn override_material(&mut self, node: &Node, index: usize) {
+        let mut material = std::mem::take(&mut self.scene.materials[index]);
+        let fields = self.validator.fields(node, &MATERIAL, &format!("material \"{}\"", material.name));
+        self.valid &= fields.valid;
+        self.change_material(&fields, &mut material);
+        self.scene.materials[index] = material;
+    }
+
+    fn change_material(&mut self, fields: &Fields, material: &mut Material) {
+        let phong = material.model.phong_mut();
+        for row in Parameter::ALL {
+            let value = if row.is_color() {
+                fields.get(&color(row)).map(ParameterValue::Color)
+            } else {
+                fields.get(&number(row)).map(ParameterValue::Number)
+            };
+            if let Some(value) = value {
+                row.set(phong, value);
+            }
+        }
+        change(&mut material.coverage, fields.get(&COVERAGE));
+        change(&mut material.priority, fields.get(&PRIORITY));
+        change(&mut material.two_sided, fields.get(&TWO_SIDED));
+        let checked = material.check();
+        let textures = self.surface_textures(fields);
+        if !textures.is_empty() {
+            material.textures = textures;
+        }
+        if let Err(problem) = checked {
+            self.out_of_range(fields, &problem);
+        }
+        // Radiance may have any size.
+        for row in Parameter::ALL.iter().filter(|row| row.is_color() && row.parameter != Parameter::Emission) {
+            self.doubt_reflectance(fields, &color(row));
+        }
+        self.doubt_eta(fields, &number(Parameter::Eta.info()), !material.is_opaque());
+        self.doubt_two_sided(fields, &TWO_SIDED, material.may_emit());
     }
 }

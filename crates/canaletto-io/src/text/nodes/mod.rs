@@ -25,6 +25,7 @@ pub(crate) use clouds::CYLINDERS;
 pub(crate) use environment::{ENVIRONMENT, ENVIRONMENTS, environment};
 pub(crate) use film::{CROP, FILM, FILTER, SAMPLE};
 pub(crate) use groups::{GROUP, INSTANCE, OF, PROTOTYPE};
+pub(crate) use integrator::INTEGRATOR;
 pub(crate) use lights::{LIGHT, LIGHTS, light};
 pub(crate) use material::MATERIAL as MATERIAL_NODE;
 pub(crate) use mesh::MeshCache;
@@ -90,7 +91,7 @@ pub(crate) static SETTINGS: &[SettingNode] = &[
     SettingNode { schema: &colors::AMBIENT, read: SettingReader::Once(|decoder, f| decoder.ambient(f)) },
     SettingNode { schema: &CAMERA, read: SettingReader::Camera },
     SettingNode { schema: &FILM, read: SettingReader::Once(|decoder, f| decoder.film(f)) },
-    SettingNode { schema: &integrator::INTEGRATOR, read: SettingReader::Once(|decoder, f| decoder.integrator(f)) },
+    SettingNode { schema: &INTEGRATOR, read: SettingReader::Once(|decoder, f| decoder.integrator(f)) },
     SettingNode { schema: &MATERIAL_NODE, read: SettingReader::Before },
     SettingNode { schema: &ANIMATION, read: SettingReader::Before },
     SettingNode { schema: &PATH, read: SettingReader::Before },
