@@ -26,11 +26,12 @@ pub(crate) struct SourceFlags {
     #[arg(value_name = "SCENE", help = scene_help())]
     pub scene: PathBuf,
 
-    /// Changes one value of the scene; may be repeated
+    /// Changes one value of the scene or model; may be repeated
     ///
     /// KEY is a path of words with dots between them: a node, the node's name if there are several, and a word in its
-    /// braces. VALUE is written as in the file. Examples: --set integrator.max-depth=3, --set material.glass.eta=1.4,
-    /// --set 'light.key.position=0 5 0'.
+    /// braces. VALUE is written as in a scene text. Examples: --set integrator.max-depth=3, --set
+    /// material.glass.eta=1.4, --set 'light.key.position=0 5 0'. --set integrator=zbuffer selects an integrator before
+    /// all else is set. Models have camera, film, integrator, background, ambient, material and light.
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
     pub set: Vec<String>,
 
@@ -79,30 +80,33 @@ pub(crate) struct PictureFlags {
     #[arg(long, value_name = "NAME", help_heading = "Picture")]
     pub camera: Option<String>,
 
-    /// Sets the picture's width and height in pixels, such as 640x480; keeps the vertical angle of view
-    #[arg(long, allow_hyphen_values = true, value_name = "WxH", value_parser = size, help_heading = "Picture")]
-    pub size: Option<[u32; 2]>,
+    /// Sets the picture's width and height in pixels, such as 640x480, or in percent of the camera's, such as 50%
+    ///
+    /// The vertical angle of view stays. A percentage scales the scene's crop window, too; --crop is in pixels of the
+    /// new size.
+    #[arg(long, allow_hyphen_values = true, value_name = "WxH|N%", value_parser = size, help_heading = "Picture")]
+    pub size: Option<PictureSize>,
 
     /// Renders only this window of the picture, in pixels from the top left
     #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = crop, help_heading = "Picture")]
     pub crop: Option<[u32; 4]>,
 
-    /// Sets the number of camera rays of each pixel, up to 65536
+    /// Sets how many camera rays each pixel gets, up to 65536
     ///
-    /// The sampler places them in the pixel; a single ray goes through the centre. --sample regular, jittered and
+    /// The sampler places them in the pixel; a single ray goes through the centre. --pattern regular, jittered and
     /// adaptive need a square number up to 256, for n x n rays on a grid. With adaptive, only pixels where colours
     /// change get the grid.
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = samples, help_heading = "Sampling")]
     pub samples: Option<u32>,
 
-    /// Sets the places of the camera rays in the pixel, in place of --sampler
-    #[arg(long, value_name = "PATTERN", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
-    pub sample: Option<SamplePattern>,
+    /// Sets where in the pixel the camera rays go, instead of where the sampler places them
+    #[arg(long, alias = "sample", value_name = "PATTERN", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
+    pub pattern: Option<SamplePattern>,
 
-    /// Sets the generator of sample points [default: the scene's, or sobol]
+    /// Sets by which numbers all sampling goes [default: the scene's, or sobol]
     ///
-    /// The points spread the rays of a pixel over the pixel (without --sample), the lens, the shutter time, the lights
-    /// and the directions of rough surfaces.
+    /// The sampler spreads the rays of a pixel over the pixel (without --pattern), the lens, the shutter time, the
+    /// lights and the directions of rough surfaces.
     #[arg(long, value_name = "KIND", value_parser = named::<SamplerKind>(), help_heading = "Sampling")]
     pub sampler: Option<SamplerKind>,
 
@@ -112,11 +116,12 @@ pub(crate) struct PictureFlags {
 
     /// Selects the integrator: how the picture is made [default: the scene's, or whitted]
     ///
-    /// The settings are the scene's if it names the same integrator, else the integrator's defaults.
+    /// The settings are the scene's if it names the same integrator, else the integrator's defaults. --set changes them,
+    /// such as --integrator zbuffer --set integrator.shadows=none.
     #[arg(long, value_name = "NAME", value_parser = named::<Integrator>(), help_heading = "Light")]
     pub integrator: Option<Integrator>,
 
-    /// Sets how much of the shading equation is computed; each stage contains the stages before it
+    /// Sets how much of the shading equation is computed: a stage of the chapter, which contains those before it
     #[arg(long, value_name = "STAGE", value_parser = named::<Stage>(), help_heading = "Light")]
     pub stage: Option<Stage>,
 
@@ -137,21 +142,65 @@ pub(crate) struct PictureFlags {
     pub transfer: Option<Transfer>,
 }
 
+/// The value of --size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum PictureSize {
+    /// Width and height in pixels.
+    Pixels([u32; 2]),
+    /// A share of the camera's width and height; 1 leaves them as they are.
+    Share(f64),
+}
+
+impl PictureSize {
+    /// The size for a camera of this size, which may be larger than a camera can be.
+    pub(crate) fn of(self, camera: [u32; 2]) -> [u32; 2] {
+        match self {
+            PictureSize::Pixels(size) => size,
+            PictureSize::Share(_) => camera.map(|side| self.scaled(side).max(1)),
+        }
+    }
+
+    /// A window in a picture of the camera's size, for the picture of this size.
+    pub(crate) fn window(self, window: [u32; 4]) -> [u32; 4] {
+        if let PictureSize::Pixels(_) = self {
+            return window;
+        }
+        let [x, y, width, height] = window;
+        // The edges are scaled, so that windows side by side stay side by side.
+        let [left, top] = [x, y].map(|edge| self.scaled(edge));
+        let [right, bottom] = [x.saturating_add(width), y.saturating_add(height)].map(|edge| self.scaled(edge));
+        [left, top, (right - left).max(1), (bottom - top).max(1)]
+    }
+
+    fn scaled(self, length: u32) -> u32 {
+        let share = if let PictureSize::Share(share) = self { share } else { 1.0 };
+        // The cast saturates.
+        (f64::from(length) * share).round() as u32
+    }
+}
+
 /// The parser of a closed set's words, with a line of help for each.
 pub(crate) fn named<T: Named + Clone + Send + Sync>() -> impl TypedValueParser<Value = T> {
     let words = T::ALL.iter().map(|value| PossibleValue::new(value.name()).help(value.meaning()));
     PossibleValuesParser::new(words).try_map(|word| T::from_name(&word).ok_or("the word has no meaning"))
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let expected = || "write width x height, such as 640x480".to_owned();
+fn size(text: &str) -> Result<PictureSize, String> {
+    let expected = || "write width x height, such as 640x480, or a percentage, such as 50%".to_owned();
+    if let Some(percent) = text.trim().strip_suffix('%') {
+        return match percent.trim().parse::<f64>() {
+            Ok(percent) if percent > 0.0 && percent.is_finite() => Ok(PictureSize::Share(percent / 100.0)),
+            Ok(_) => Err("the percentage must be more than 0".into()),
+            Err(_) => Err(expected()),
+        };
+    }
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(expected)?;
     let side = |text: &str| match text.trim().parse::<u32>() {
         Ok(n) if (1..=Camera::MAX_SIDE).contains(&n) => Ok(n),
         Ok(_) => Err(format!("each side must be between 1 and {} pixels", Camera::MAX_SIDE)),
         Err(_) => Err(expected()),
     };
-    Ok([side(width)?, side(height)?])
+    Ok(PictureSize::Pixels([side(width)?, side(height)?]))
 }
 
 fn crop(text: &str) -> Result<[u32; 4], String> {
@@ -174,7 +223,14 @@ fn numbers<const N: usize>(text: &str) -> Option<[u32; N]> {
 }
 
 fn samples(text: &str) -> Result<u32, String> {
-    let wanted: u32 = text.parse().map_err(|_| "write a whole number".to_owned())?;
+    let wanted: u32 =
+        text.parse().map_err(|_| match (SamplePattern::from_name(text), SamplerKind::from_name(text)) {
+            (_, Some(kind)) => format!("write a whole number; the sampler is chosen by --sampler {}", kind.name()),
+            (Some(pattern), None) => {
+                format!("write a whole number; the places are chosen by --pattern {}", pattern.name())
+            }
+            (None, None) => "write a whole number".to_owned(),
+        })?;
     match wanted {
         0 => Err("a pixel needs at least 1 ray".into()),
         _ if wanted > Sampling::MAX_SAMPLES => Err(format!("the most is {}", Sampling::MAX_SAMPLES)),
@@ -194,12 +250,23 @@ mod tests {
         for text in ["-4", "four"] {
             assert_eq!(samples(text).unwrap_err(), "write a whole number");
         }
+        assert!(samples("sobol").unwrap_err().ends_with("--sampler sobol"));
+        assert!(samples("corner").unwrap_err().ends_with("--pattern corner"));
     }
 
     #[test]
     fn sizes_and_windows() {
-        assert_eq!(size("640x480"), Ok([640, 480]));
-        assert!(size("640").unwrap_err().contains("640x480"));
+        assert_eq!(size("640x480"), Ok(PictureSize::Pixels([640, 480])));
+        assert_eq!(size("12.5%"), Ok(PictureSize::Share(0.125)));
+        for wrong in ["640", "%", "x%"] {
+            assert!(size(wrong).unwrap_err().contains("640x480"), "{wrong}");
+        }
+        for wrong in ["0%", "-5%", "inf%", "nan%"] {
+            assert!(size(wrong).unwrap_err().contains("more than 0"), "{wrong}");
+        }
+        let half = PictureSize::Share(0.5);
+        assert_eq!((half.of([640, 1]), half.window([10, 5, 21, 1])), ([320, 1], [5, 3, 11, 1]));
+        assert_eq!(PictureSize::Pixels([9, 8]).window([1, 2, 3, 4]), [1, 2, 3, 4]);
         assert!(size("0x4").unwrap_err().contains("between 1 and"));
         assert!(size("99999999999x4").unwrap_err().contains("640x480"));
         assert_eq!(crop("1, 2,3,4"), Ok([1, 2, 3, 4]));

@@ -7,7 +7,7 @@ use crate::format::count;
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, SamplePattern, Sampling, Scene, ShadowMethod, View};
+use canaletto::scene::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
@@ -25,9 +25,16 @@ impl Settings {
     pub(crate) fn new(name: &str, scene: &Scene, flags: &PictureFlags) -> Result<Settings, Failure> {
         let view = choose_view(name, &scene.views, flags.camera.as_deref())?;
         let mut view = view.clone();
-        if let Some([width, height]) = flags.size {
+        if let Some(size) = flags.size {
+            let [width, height] = size.of([view.intrinsics.width, view.intrinsics.height]);
+            if width > Camera::MAX_SIDE || height > Camera::MAX_SIDE {
+                let most = Camera::MAX_SIDE;
+                let message = format!("--size asks for {width} x {height} pixels; the most are {most} on each side");
+                return Err(Failure::usage(message));
+            }
             (view.intrinsics.width, view.intrinsics.height) = (width, height);
         }
+        let own_crop = scene.film.crop.map(|crop| flags.size.map_or(crop, |size| size.window(crop)));
         let camera = Camera::of(&view)
             .map_err(|e| Failure::new(Exit::Scene, format!("{name}: camera \"{}\": {e}", view.name)))?;
         let film = FilmSettings {
@@ -35,7 +42,7 @@ impl Settings {
             sampler: flags.sampler.unwrap_or(scene.film.sampler),
             tone: flags.tone.unwrap_or(scene.film.tone),
             transfer: flags.transfer.unwrap_or(scene.film.transfer),
-            crop: flags.crop.or(scene.film.crop),
+            crop: flags.crop.or(own_crop),
             ..scene.film
         };
         let mut integrator = match flags.integrator {
@@ -110,7 +117,7 @@ fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
         Sampling::Adaptive { n, threshold } => (Some(n), threshold),
     };
     let given = flags.samples;
-    let Some(pattern) = flags.sample else {
+    let Some(pattern) = flags.pattern else {
         return Ok(match given {
             None => own,
             Some(1) => Sampling::Center,
@@ -119,10 +126,10 @@ fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
     };
     let single = |sampling| match given {
         Some(n) if n > 1 => Err(Failure::usage(format!(
-            "--sample {} means one ray for each pixel, but --samples asks for {n}",
+            "--pattern {} means one ray for each pixel, but --samples asks for {n}",
             pattern.name()
         ))
-        .help("leave one of them out, or take --sample regular, jittered or adaptive")),
+        .help("leave one of them out, or take --pattern regular, jittered or adaptive")),
         _ => Ok(sampling),
     };
     match pattern {
@@ -131,7 +138,7 @@ fn sampling(own: Sampling, flags: &PictureFlags) -> Result<Sampling, Failure> {
         SamplePattern::Regular => Ok(Sampling::Regular(side(given, own_n)?)),
         SamplePattern::Jittered => Ok(Sampling::Jittered(side(given, own_n)?)),
         SamplePattern::Adaptive if given == Some(1) => {
-            Err(Failure::usage("--sample adaptive with --samples 1 has nothing to refine with")
+            Err(Failure::usage("--pattern adaptive with --samples 1 has nothing to refine with")
                 .help("give --samples 4 or more"))
         }
         SamplePattern::Adaptive => Ok(Sampling::Adaptive { n: side(given, own_n)?.max(2), threshold: own_threshold }),
@@ -145,13 +152,13 @@ fn side(samples: Option<u32>, own: Option<u32>) -> Result<u32, Failure> {
     if root > Sampling::MAX_GRID {
         let most = Sampling::MAX_GRID * Sampling::MAX_GRID;
         return Err(Failure::usage(format!("--samples: a grid has at most {most} rays, not {samples}"))
-            .help("without --sample there may be more"));
+            .help("without --pattern there may be more"));
     }
     if root * root != samples {
         let (below, above) = (root * root, (root + 1) * (root + 1));
         let message =
             format!("--samples: a grid has a square number of rays; the nearest to {samples} are {below} and {above}");
-        return Err(Failure::usage(message).help("without --sample any number will do"));
+        return Err(Failure::usage(message).help("without --pattern any number will do"));
     }
     Ok(root)
 }
@@ -165,6 +172,10 @@ pub(crate) fn sampling_words(film: &FilmSettings) -> String {
         Sampling::Jittered(n) => format!("{} rays per pixel, jittered", n * n),
         Sampling::Adaptive { n, threshold } => {
             format!("2 rays per pixel, {} jittered where they differ by more than {threshold}", n * n)
+        }
+        // The sampler has the name of a pattern.
+        Sampling::Sampled(n) if film.sampler == SamplerKind::Jittered => {
+            format!("{n} rays per pixel, by the {} sampler", film.sampler.name())
         }
         Sampling::Sampled(n) => format!("{n} rays per pixel, {}", film.sampler.name()),
     }
@@ -224,7 +235,7 @@ mod tests {
     #[test]
     fn samples_alone_are_the_samplers() {
         let of =
-            |own, sample, samples| sampling(own, &PictureFlags { sample, samples, ..PictureFlags::default() }).ok();
+            |own, pattern, samples| sampling(own, &PictureFlags { pattern, samples, ..PictureFlags::default() }).ok();
         let own = Sampling::Regular(3);
         assert_eq!(of(own, None, None), Some(own));
         assert_eq!(of(own, None, Some(1)), Some(Sampling::Center));

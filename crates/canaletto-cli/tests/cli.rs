@@ -115,9 +115,9 @@ fn exit_codes() {
     let folder = Folder::new();
     folder.write("wrong.kdl", "camera { eye 0 0 5; center 0 0 0; size 4 4 }\nsphre { center 0 0 0; radius 1 }\n");
     folder.run("render").says(2, &["SCENE"]);
-    folder.run("render s.kdl --sample jittered --samples 10").says(2, &["9 and 16"]);
+    folder.run("render s.kdl --pattern jittered --samples 10").says(2, &["9 and 16"]);
     folder.run("render s.kdl --samples 65537").says(2, &["65536"]);
-    folder.run("render s.kdl --sample corner --samples 4").says(2, &["one ray for each pixel", "help:"]);
+    folder.run("render s.kdl --pattern corner --samples 4").says(2, &["one ray for each pixel", "help:"]);
     folder.run("render s.kdl --camera frnt").says(2, &["no camera \"frnt\"", "did you mean \"front\"?", "\"side\""]);
     folder.run("render s.kdl --crop 20,0,10,4").says(2, &["--crop: the crop window 10 x 4 at 20, 0"]);
     folder.run("render s.kdl -o s.jpg").says(2, &[".png or .exr"]);
@@ -514,7 +514,7 @@ fn models_are_looked_at_as_they_are() {
     let folder = Folder::new();
     folder.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     folder.run("render t.obj --size 40x30").says(0, &["t.png: 40 x 30"]);
-    folder.run("render t.obj --set camera.fovy=3").says(2, &["--set camera.fovy=3", "mesh file=\"t.obj\""]);
+    folder.run("render t.obj --set mesh.scale=3").says(2, &["--set:1:1", "a model has no mesh", "mesh file="]);
 }
 
 #[test]

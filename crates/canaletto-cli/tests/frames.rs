@@ -165,7 +165,7 @@ fn only_frames_of_the_same_command_are_kept() {
     let flags = [
         "--size 12x9",
         "--samples 4",
-        "--sample corner",
+        "--pattern corner",
         "--sampler independent --samples 3",
         "--seed 5",
         "--stage shadow",
