@@ -1,7 +1,7 @@
 //! Explained light of radiosity: what is printed adds up, in its order, to the patch's light and to the pixel.
 
 use canaletto::camera::Camera;
-use canaletto::explain::{LightSum, Outcome, PatchNode, PixelTree, SourceKind, explain};
+use canaletto::explain::{LightSum, Outcome, PatchNode, PixelTree, PlaceNode, SourceKind, explain};
 use canaletto::form_factor::polygon_to_polygon;
 use canaletto::render::{Job, render};
 use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings, RadiosityShow};
@@ -79,6 +79,45 @@ fn indent(line: &str) -> usize {
     line.len() - line.trim_start_matches([' ', '|']).len()
 }
 
+/// Blends what the lines of an interpolated light print: the sums of its places with their weights. Returns the number
+/// of these sums.
+fn add_up_places(text: &str) -> usize {
+    let lines: Vec<&str> = text.lines().collect();
+    let mut sums = 0;
+    for (start, line) in lines.iter().enumerate() {
+        if !line.contains(", interpolated between ") {
+            continue;
+        }
+        let own = indent(line);
+        let mut parts: Vec<(&str, DVec3)> = Vec::new();
+        let (mut weight, mut weights) = (0.0, 0.0);
+        for line in lines[start + 1..].iter().take_while(|line| indent(line) > own) {
+            let term = line.trim_start_matches([' ', '|']);
+            match indent(line) - own {
+                4 => {
+                    weight = term.rsplit_once(", weight ").unwrap().1.parse().unwrap();
+                    weights += weight;
+                }
+                // A place that was written before has its light in one line for each part.
+                8 if term.ends_with(')') => parts.push((&term[..6], triple(term) * weight)),
+                8 => parts.push((&term[..6], DVec3::NAN)),
+                12 if term.starts_with("= ") => {
+                    parts.last_mut().unwrap().1 = triple(term) * weight;
+                    sums += 1;
+                }
+                _ => {}
+            }
+        }
+        let mut blended = DVec3::ZERO;
+        for names in [["direct", "direct"], ["light ", "emitte"], ["indire", "indire"]] {
+            let part = parts.iter().filter(|(name, _)| names.contains(name));
+            blended += part.fold(DVec3::ZERO, |sum, (_, light)| sum + *light) / weights;
+        }
+        assert_eq!(blended, triple(line.split_once(": ").unwrap().0), "{line}");
+    }
+    sums
+}
+
 /// Adds what a patch's lines print, in their order, as someone with a calculator does. Returns the number of sums.
 fn add_up_patches(text: &str) -> usize {
     let lines: Vec<&str> = text.lines().collect();
@@ -125,11 +164,12 @@ fn sums_of(patch: &PatchNode) -> [&LightSum; 3] {
     [&patch.direct, &patch.from_emitters, &patch.indirect]
 }
 
-fn small_rounding(patch: &PatchNode) {
+fn small_rounding(sums: [&LightSum; 3]) {
     // The solver finds indirect light as the difference of all light and that of emitters.
-    let light: DVec3 = sums_of(patch).iter().map(|sum| DVec3::from(sum.light)).sum();
-    for sum in sums_of(patch) {
-        assert!(DVec3::from(sum.rounding).abs().max_element() <= 1e-13 * light.max_element(), "{patch:?}");
+    let light: DVec3 = sums.iter().map(|sum| DVec3::from(sum.light)).sum();
+    for sum in sums {
+        assert_eq!(sum.sum().to_array(), sum.light);
+        assert!(DVec3::from(sum.rounding).abs().max_element() <= 1e-13 * light.max_element(), "{sum:?}");
     }
 }
 
@@ -145,12 +185,21 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
             let Some(light) = &hit.radiosity else { continue };
             let patch = tree.patches.iter().find(|patch| patch.number == light.patch).expect("the patch is explained");
             assert_eq!((&patch.object, patch.object_id), (&hit.object, hit.object_id));
-            // The patch's own light is the first one that is blended. Interpolation has that of its centre.
-            let own = &light.corners[0];
-            let lights = [own.direct, own.from_emitters, own.indirect];
-            let means = sums_of(patch).map(|sum| sum.light);
-            if light.corners.len() == 1 {
-                assert_eq!(lights, means);
+            for corner in &light.corners {
+                let place = tree.places.iter().find(|place| match corner.vertex {
+                    Some(_) => place.vertex == corner.vertex,
+                    None => place.patch == Some(light.patch),
+                });
+                let terms = match (place, light.is_interpolated) {
+                    (Some(place), true) => [&place.direct, &place.from_emitters, &place.indirect],
+                    (None, false) => sums_of(patch),
+                    _ => panic!("{place:?}"),
+                };
+                // Each blended light is the sum of its terms.
+                assert_eq!(
+                    [corner.direct, corner.from_emitters, corner.indirect],
+                    terms.map(|sum| sum.sum().to_array())
+                );
             }
             let kd = hit.model.phong().kd;
             assert_eq!(Some(light.reflected(kd)), hit.ambient);
@@ -158,10 +207,20 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
     }
     for patch in &tree.patches {
         assert_eq!(patch.sum().to_array(), patch.radiance);
-        small_rounding(patch);
+        small_rounding(sums_of(patch));
     }
-    let sums = add_up_patches(&tree.to_string());
-    assert_eq!(sums, 3 * tree.patches.len());
+    for PlaceNode { direct, from_emitters, indirect, .. } in &tree.places {
+        small_rounding([direct, from_emitters, indirect]);
+    }
+    let text = tree.to_string();
+    let places = add_up_places(&text);
+    let shown = match job.integrator {
+        Integrator::Radiosity(RadiositySettings { show: RadiosityShow::Full, .. }) => 1..=2,
+        _ => 3..=3,
+    };
+    assert!(shown.contains(&(places / tree.places.len().max(1))) || places == 0, "{places}: {text}");
+    assert_eq!(places == 0, tree.places.is_empty());
+    assert_eq!(add_up_patches(&text), 3 * tree.patches.len() + places);
     tree
 }
 

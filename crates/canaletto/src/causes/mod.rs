@@ -8,7 +8,7 @@ mod pixel;
 mod places;
 mod terms;
 
-use crate::explain::{ExplainError, ExplainWorker, PreparedExplainer};
+use crate::explain::{ExplainError, ExplainWorker, PreparedExplainer, SolutionSource};
 use crate::film::{Developer, Picture};
 use crate::integrator::radiosity::RadiositySolution;
 use crate::job::{Job, JobError, Observer, Progress};
@@ -168,7 +168,8 @@ pub fn find_causes(
     with_stack(stack, || {
         let mut explainers = Vec::new();
         for (job, method) in jobs.iter().zip([reference, other]) {
-            match PreparedExplainer::new(world, job, method.solution, observer)? {
+            let source = method.solution.map_or(SolutionSource::Solved, SolutionSource::Given);
+            match PreparedExplainer::new(world, job, source, observer)? {
                 ControlFlow::Continue(explainer) => explainers.push(explainer),
                 ControlFlow::Break(()) => return Ok(Causes::unfinished([width, height])),
             }

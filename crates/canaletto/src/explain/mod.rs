@@ -12,7 +12,9 @@ mod record;
 mod text;
 mod tree;
 
-pub use patch::{CornerNode, LightSum, LinkNode, OthersNode, PatchNode, RadiosityNode, SourceKind, SourceNode};
+pub use patch::{
+    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
+};
 pub use tree::{
     BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, PixelTree, RayNode, ReadingNode,
     SampleNode, Side, TextureNode,
@@ -23,7 +25,7 @@ pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate, 
 use crate::render::{Job, JobError, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
-pub(crate) use prepared::{ExplainWorker, PreparedExplainer};
+pub(crate) use prepared::{ExplainWorker, PreparedExplainer, SolutionSource};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -105,7 +107,8 @@ fn record(
     // Only what the pixel needs is prepared.
     let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
     job.film.crop = Some([x, y, 1, 1]);
-    let prepared = PreparedExplainer::with_transport(world, &job, solution, &())?;
+    let source = solution.map_or(SolutionSource::SolvedWithLinks, SolutionSource::Given);
+    let prepared = PreparedExplainer::new(world, &job, source, &())?;
     let ControlFlow::Continue(explainer) = prepared else {
         return Err(ExplainError::Cancelled);
     };

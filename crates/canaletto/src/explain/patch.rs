@@ -17,8 +17,10 @@ pub struct RadiosityNode {
     pub patch: u32,
     /// The part of the solution's light that the picture takes.
     pub shown: ShownLight,
-    /// The places whose light is blended: the patch's centre, and for interpolated light two vertices of its outline.
-    /// The light of each place is a sum over the links around it with form factors of its own.
+    /// Whether the light is interpolated between patches. If not, all of the patch has its mean light.
+    pub is_interpolated: bool,
+    /// The places whose light is blended: the patch, and for interpolated light its centre and two vertices of its
+    /// outline. [`PlaceNode`] has the terms of each.
     pub corners: Vec<CornerNode>,
     /// The shown part of the weighted mean over the corners, divided by the sum of the weights. All light is the
     /// radiance of a white surface in it.
@@ -29,6 +31,9 @@ pub struct RadiosityNode {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CornerNode {
+    /// The vertex's number in the solution; none for the patch or its centre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<u32>,
     /// The place in the scene's coordinates.
     pub point: [f64; 3],
     /// The weight.
@@ -81,7 +86,30 @@ pub struct PatchNode {
     pub radiance: [f64; 3],
 }
 
-/// Light that arrives at a patch, as a sum over its sources.
+/// A place whose light is blended into a pixel's, with what lights it: the centre of a patch, or a vertex.
+///
+/// The form factors are those of the place. A vertex where several patches meet has a mean over planes; its form
+/// factors are multiplied by the shares.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct PlaceNode {
+    /// The patch's number, for its centre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patch: Option<u32>,
+    /// The vertex's number in the solution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<u32>,
+    /// The place in the scene's coordinates.
+    pub point: [f64; 3],
+    /// The light that arrives from the scene's lights without a reflection.
+    pub direct: LightSum,
+    /// The light that arrives straight from emitting surfaces.
+    pub from_emitters: LightSum,
+    /// All other light that arrives: by reflections and from the environment.
+    pub indirect: LightSum,
+}
+
+/// Light that arrives at a patch or a place, as a sum over its sources.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct LightSum {
@@ -178,6 +206,7 @@ impl RadiosityNode {
         let patch = solution.patch_at(hit.instance, hit.primitive, hit.part, outside, point)?;
         let corners = if is_interpolated { solution.corners_at(patch, point) } else { vec![solution.center_of(patch)] };
         let corner = |corner: &BlendedLight| CornerNode {
+            vertex: corner.vertex,
             point: in_the_scene(world, corner.place.as_vec3()),
             weight: corner.weight,
             direct: corner.light.direct.to_array(),
@@ -185,7 +214,7 @@ impl RadiosityNode {
             indirect: corner.light.indirect.to_array(),
         };
         let corners = corners.iter().map(corner).collect();
-        let mut node = RadiosityNode { patch: patch as u32, shown, corners, light: [0.0; 3] };
+        let mut node = RadiosityNode { patch: patch as u32, shown, is_interpolated, corners, light: [0.0; 3] };
         node.light = node.sum().to_array();
         Some(node)
     }
@@ -193,6 +222,7 @@ impl RadiosityNode {
     /// The light, computed from the corners.
     pub fn sum(&self) -> DVec3 {
         let corner = |corner: &CornerNode| BlendedLight {
+            vertex: corner.vertex,
             place: corner.point.into(),
             weight: corner.weight,
             light: ArrivingLight {

@@ -1,6 +1,8 @@
 //! The terms of a patch's light, grouped by what they come from.
 
-use super::patch::{LightSum, LinkNode, OthersNode, PatchNode, SourceKind, SourceNode};
+use super::patch::{
+    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
+};
 use super::record::{in_the_scene, name_of_light};
 use super::tree::{Side, has_primitives};
 use crate::integrator::radiosity::RadiositySolution;
@@ -40,7 +42,8 @@ pub(super) fn patch_node(
     let hit =
         Hit { t: 0.0, instance: patch.instance, primitive: patch.primitive, part: patch.part, uv: [0.0; 2], time: 0.0 };
     let object = world.object(&hit);
-    let sum = |terms: Vec<PatchLight>, light: DVec3| light_sum(world, transport, &terms, light);
+    let terms = transport.of_patch(number);
+    let sum = |terms: &[PatchLight], light: DVec3| light_sum(world, transport, terms, light);
     PatchNode {
         number: number as u32,
         object: object.name.clone(),
@@ -54,10 +57,52 @@ pub(super) fn patch_node(
         area: patch.area,
         reflectance: patch.reflectance.to_array(),
         emission: patch.emission.to_array(),
-        direct: sum(transport.direct(number), patch.direct),
-        from_emitters: sum(transport.sent_by_emitters(number), patch.from_emitters),
-        indirect: sum(transport.indirect(number), patch.indirect),
+        direct: sum(&terms.direct, patch.direct),
+        from_emitters: sum(&terms.from_emitters, patch.from_emitters),
+        indirect: sum(&terms.indirect, patch.indirect),
         radiance: patch.radiance().to_array(),
+    }
+}
+
+/// A place whose light is interpolated, with what lights it: a vertex, or the centre of a patch.
+pub(super) fn place_node(
+    world: &World,
+    solution: &RadiositySolution,
+    transport: &Transport,
+    place: BlendedPlace,
+) -> PlaceNode {
+    let (terms, found, number) = match place {
+        BlendedPlace::Center(patch) => (transport.at_center(patch as usize), solution.at_center(patch as usize), patch),
+        BlendedPlace::Vertex(vertex) => (transport.at_vertex(solution, vertex), solution.at_vertex(vertex), vertex),
+    };
+    let is_vertex = matches!(place, BlendedPlace::Vertex(_));
+    let sum = |terms: &[PatchLight], light: DVec3| light_sum(world, transport, terms, light);
+    PlaceNode {
+        patch: (!is_vertex).then_some(number),
+        vertex: is_vertex.then_some(number),
+        point: in_the_scene(world, found.place.as_vec3()),
+        direct: sum(&terms.direct, found.light.direct),
+        from_emitters: sum(&terms.from_emitters, found.light.from_emitters),
+        indirect: sum(&terms.indirect, found.light.indirect),
+    }
+}
+
+/// A place whose light is blended with that of others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum BlendedPlace {
+    /// The centre of a patch.
+    Center(u32),
+    /// A vertex of a solution's interpolation.
+    Vertex(u32),
+}
+
+impl BlendedPlace {
+    /// The place of a corner in the light of a patch; none if that light is the same on all of the patch.
+    pub(super) fn of(light: &RadiosityNode, corner: &CornerNode) -> Option<BlendedPlace> {
+        match corner.vertex {
+            Some(vertex) => Some(BlendedPlace::Vertex(vertex)),
+            None => light.is_interpolated.then_some(BlendedPlace::Center(light.patch)),
+        }
     }
 }
 

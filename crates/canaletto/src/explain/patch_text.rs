@@ -1,14 +1,22 @@
 //! The light of radiosity and its patches as text for a terminal.
 
 use super::number::Number;
-use super::patch::{LightSum, LinkNode, OthersNode, PatchNode, RadiosityNode, SourceKind, SourceNode};
+use super::patch::{LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode};
 use super::text::vector;
 use super::tree::Side;
 use crate::integrator::ShownLight;
+use glam::DVec3;
 use std::fmt::{self, Formatter};
 
 /// Writes how the light at a hit is made of that of patches and vertices.
-pub(super) fn write_radiosity(f: &mut Formatter, node: &RadiosityNode, indent: &str) -> fmt::Result {
+///
+/// `places` are those whose terms are known. Each is removed when it is written.
+pub(super) fn write_radiosity(
+    f: &mut Formatter,
+    node: &RadiosityNode,
+    places: &mut Vec<&PlaceNode>,
+    indent: &str,
+) -> fmt::Result {
     let what = match node.shown {
         ShownLight::Indirect => "indirect light",
         ShownLight::FromSurfaces => "light from emitting surfaces + indirect light",
@@ -16,25 +24,43 @@ pub(super) fn write_radiosity(f: &mut Formatter, node: &RadiosityNode, indent: &
     };
     let how = match node.corners.len() {
         1 => "of the whole patch",
-        _ => "interpolated between the patch and two vertices",
+        _ => "interpolated between the patch's centre and two vertices",
     };
     writeln!(f, "{indent}{}: {what}, {how}", vector(node.light))?;
-    for (i, corner) in node.corners.iter().enumerate() {
-        let place = if i == 0 { format!("patch {}", node.patch) } else { "vertex".to_owned() };
+    for corner in &node.corners {
+        let place = match corner.vertex {
+            Some(vertex) => format!("vertex {vertex}"),
+            None if node.is_interpolated => format!("centre of patch {}", node.patch),
+            None => format!("patch {}", node.patch),
+        };
         let share = if node.corners.len() > 1 { format!(", weight {}", Number(corner.weight)) } else { String::new() };
         writeln!(f, "{indent}    {place} at {}{share}", vector(corner.point))?;
+        let deeper = format!("{indent}    ");
         let parts = [("direct", corner.direct), ("emitters", corner.from_emitters), ("indirect", corner.indirect)];
         let hidden = match node.shown {
             ShownLight::Indirect => 2,
             ShownLight::FromSurfaces => 1,
             _ => 0,
         };
+        let terms = places.iter().position(|place| match corner.vertex {
+            Some(_) => place.vertex == corner.vertex,
+            None => node.is_interpolated && place.patch == Some(node.patch),
+        });
+        if let Some(PlaceNode { direct, from_emitters, indirect, .. }) = terms.map(|index| places.swap_remove(index)) {
+            for (name, sum) in SUMS.iter().zip([direct, from_emitters, indirect]).skip(hidden) {
+                write_sum(f, name, sum, &deeper)?;
+            }
+            continue;
+        }
         for (part, light) in parts.iter().skip(hidden) {
             writeln!(f, "{indent}        {part} {}", vector(*light))?;
         }
     }
     Ok(())
 }
+
+/// The names of the parts of light.
+const SUMS: [&str; 3] = ["direct light", "light from emitting surfaces", "indirect light"];
 
 /// Writes a patch and what lights it.
 pub(super) fn write_patch(f: &mut Formatter, patch: &PatchNode, indent: &str) -> fmt::Result {
@@ -48,9 +74,9 @@ pub(super) fn write_patch(f: &mut Formatter, patch: &PatchNode, indent: &str) ->
     let corners: Vec<String> = corners.iter().map(|corner| vector(*corner)).collect();
     writeln!(f, "{indent}    corners {}", corners.join(", "))?;
     writeln!(f, "{indent}    centre {}, area {}", vector(*center), size(*area))?;
-    write_sum(f, "direct light", &patch.direct, indent)?;
-    write_sum(f, "light from emitting surfaces", &patch.from_emitters, indent)?;
-    write_sum(f, "indirect light", &patch.indirect, indent)?;
+    for (name, sum) in SUMS.iter().zip([&patch.direct, &patch.from_emitters, &patch.indirect]) {
+        write_sum(f, name, sum, indent)?;
+    }
     let equal =
         if patch.sum().to_array() == patch.radiance { "equal, bit for bit" } else { "NOT equal: this is a bug" };
     writeln!(
@@ -69,9 +95,19 @@ fn write_sum(f: &mut Formatter, name: &str, sum: &LightSum, indent: &str) -> fmt
     }
     write_others(f, sum.others.as_ref(), "sources", &format!("{indent}        "))?;
     if sum.rounding != [0.0; 3] {
-        writeln!(f, "{indent}        + rounding, since the solver adds in another order: {}", vector(sum.rounding))?;
+        writeln!(f, "{indent}        + {}: {}", rounding_of(sum), vector(sum.rounding))?;
     }
     writeln!(f, "{indent}        = {}", vector(sum.light))
+}
+
+/// The reason why a sum's terms have another sum than the solver found.
+fn rounding_of(sum: &LightSum) -> &'static str {
+    let most = |light: DVec3| light.abs().max_element();
+    if most(sum.rounding.into()) <= 1e-9 * most(sum.sum_without_rounding()) {
+        "rounding, since the solver adds in another order"
+    } else {
+        "what is missing to 0, since light is never negative"
+    }
 }
 
 fn write_source(f: &mut Formatter, source: &SourceNode, indent: &str) -> fmt::Result {

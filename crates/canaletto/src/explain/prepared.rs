@@ -1,7 +1,7 @@
 //! Explanations of many pixels of one picture. What the job's integrator prepares is kept between them.
 
-use super::patch::PatchNode;
-use super::patch_terms::patch_node;
+use super::patch::{PatchNode, PlaceNode};
+use super::patch_terms::{BlendedPlace, patch_node, place_node};
 use super::record::Recorder;
 use super::tree::{Outcome, RayNode, SampleNode};
 use super::{ExplainError, PixelTree};
@@ -26,6 +26,17 @@ pub(crate) struct PreparedExplainer<'w> {
     prepared: Prepared<'w>,
 }
 
+/// How a job with radiosity gets its solution. Other integrators take none.
+#[derive(Clone, Copy)]
+pub(crate) enum SolutionSource<'s> {
+    /// A solution that was found before. What lights its patches isn't known.
+    Given(&'s Arc<RadiositySolution>),
+    /// The solution is found.
+    Solved,
+    /// The solution is found and keeps its links, which takes memory. They explain what lights its patches.
+    SolvedWithLinks,
+}
+
 /// What the job's integrator prepared.
 enum Prepared<'w> {
     Whitted(WhittedSettings),
@@ -34,49 +45,34 @@ enum Prepared<'w> {
 }
 
 impl<'w> PreparedExplainer<'w> {
-    /// Prepares the job's integrator. A solution of radiosity that is given isn't solved. Breaks if cancelled.
+    /// Prepares the job's integrator. Breaks if cancelled.
     ///
     /// # Errors
     /// [`JobError`] as from a render.
     pub(crate) fn new(
         world: &'w World,
         job: &'w Job,
-        solution: Option<&Arc<RadiositySolution>>,
-        observer: &dyn Observer,
-    ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
-        PreparedExplainer::prepare(world, job, solution, false, observer)
-    }
-
-    /// [`PreparedExplainer::new`] that also explains the patches of radiosity, which takes memory. A solution that is
-    /// given has no links, so that its patches can't be explained.
-    ///
-    /// # Errors
-    /// [`JobError`] as from a render.
-    pub(crate) fn with_transport(
-        world: &'w World,
-        job: &'w Job,
-        solution: Option<&Arc<RadiositySolution>>,
-        observer: &dyn Observer,
-    ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
-        PreparedExplainer::prepare(world, job, solution, true, observer)
-    }
-
-    fn prepare(
-        world: &'w World,
-        job: &'w Job,
-        solution: Option<&Arc<RadiositySolution>>,
-        keeps_transport: bool,
+        source: SolutionSource,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), PreparedExplainer<'w>>, JobError> {
         let prepared = match job.integrator {
             Integrator::Whitted(settings) => ControlFlow::Continue(Prepared::Whitted(settings)),
-            Integrator::Radiosity(settings) if keeps_transport && solution.is_none() => {
-                PreparedRadiosity::with_transport(world, settings, observer)?.map_continue(|(radiosity, transport)| {
-                    Prepared::Radiosity(Box::new(radiosity), Some(Box::new(transport)))
-                })
+            Integrator::Radiosity(settings) => {
+                let without_links = |radiosity: PreparedRadiosity| Prepared::Radiosity(Box::new(radiosity), None);
+                match source {
+                    SolutionSource::SolvedWithLinks => PreparedRadiosity::with_transport(world, settings, observer)?
+                        .map_continue(|(radiosity, transport)| {
+                            Prepared::Radiosity(Box::new(radiosity), Some(Box::new(transport)))
+                        }),
+                    SolutionSource::Given(solution) => {
+                        PreparedRadiosity::new(world, settings, Some(Arc::clone(solution)), observer)?
+                            .map_continue(without_links)
+                    }
+                    SolutionSource::Solved => {
+                        PreparedRadiosity::new(world, settings, None, observer)?.map_continue(without_links)
+                    }
+                }
             }
-            Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
-                .map_continue(|radiosity| Prepared::Radiosity(Box::new(radiosity), None)),
             Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
                 .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),
         };
@@ -100,28 +96,66 @@ impl<'w> PreparedExplainer<'w> {
         }
     }
 
-    /// The patches whose light the samples have, with what lights them, and the number of those beyond the limit.
-    fn patches(&self, samples: &[SampleNode]) -> (Vec<PatchNode>, usize) {
-        let Some((radiosity, Some(transport))) = self.radiosity() else { return (Vec::new(), 0) };
-        let (mut numbers, mut more) = (BTreeSet::new(), BTreeSet::new());
+    /// What lights the patches and the places whose light the samples have.
+    fn lit(&self, samples: &[SampleNode]) -> Lit {
+        let Some((radiosity, Some(transport))) = self.radiosity() else { return Lit::default() };
+        let (mut patches, mut places) = (Few::default(), Few::default());
         let mut waiting: VecDeque<&RayNode> = samples.iter().map(|sample| &sample.ray).collect();
         while let Some(ray) = waiting.pop_front() {
             let Outcome::Hit(hit) = &ray.outcome else { continue };
-            if let Some(patch) = hit.radiosity.as_ref().map(|light| light.patch) {
-                let kept =
-                    if numbers.len() < MOST_PATCHES || numbers.contains(&patch) { &mut numbers } else { &mut more };
-                kept.insert(patch);
+            if let Some(light) = &hit.radiosity {
+                patches.insert(light.patch);
+                light
+                    .corners
+                    .iter()
+                    .filter_map(|corner| BlendedPlace::of(light, corner))
+                    .for_each(|p| places.insert(p));
             }
             waiting.extend(hit.children.iter().chain(&hit.behind));
         }
         let (solution, ..) = radiosity.shown();
-        let node = |number: u32| patch_node(self.world, solution, transport, number as usize);
-        (numbers.into_iter().map(node).collect(), more.len())
+        let patch = |number: u32| patch_node(self.world, solution, transport, number as usize);
+        let place = |place: BlendedPlace| place_node(self.world, solution, transport, place);
+        Lit {
+            patches: patches.kept.into_iter().map(patch).collect(),
+            more_patches: patches.more.len(),
+            places: places.kept.into_iter().map(place).collect(),
+            more_places: places.more.len(),
+        }
     }
 }
 
-/// The most patches of a pixel that are explained.
-const MOST_PATCHES: usize = 256;
+/// What lights the patches and the places under a pixel.
+#[derive(Default)]
+struct Lit {
+    patches: Vec<PatchNode>,
+    more_patches: usize,
+    places: Vec<PlaceNode>,
+    more_places: usize,
+}
+
+/// The most patches, and the most places, of a pixel that are explained.
+const MOST_EXPLAINED: usize = 256;
+
+/// The first different items, and others.
+struct Few<T> {
+    kept: BTreeSet<T>,
+    more: BTreeSet<T>,
+}
+
+impl<T> Default for Few<T> {
+    fn default() -> Few<T> {
+        Few { kept: BTreeSet::new(), more: BTreeSet::new() }
+    }
+}
+
+impl<T: Ord> Few<T> {
+    fn insert(&mut self, item: T) {
+        let is_kept = self.kept.len() < MOST_EXPLAINED || self.kept.contains(&item);
+        let set = if is_kept { &mut self.kept } else { &mut self.more };
+        set.insert(item);
+    }
+}
 
 /// Explains pixels in one thread. Pixels of one tile should follow each other.
 pub(crate) struct ExplainWorker<'a> {
@@ -237,13 +271,15 @@ impl<'a> ExplainWorker<'a> {
     fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {
         let [width, height] = self.explainer.job.camera.size();
         let samples = recorder.into_samples();
-        let (patches, more_patches) = self.explainer.patches(&samples);
+        let Lit { patches, more_patches, places, more_places } = self.explainer.lit(&samples);
         PixelTree {
             pixel: [x, y],
             chapter_pixel: [x, height - 1 - y],
             size: [width, height],
             patches,
             more_patches,
+            places,
+            more_places,
             samples,
             color: sum.mean(),
         }

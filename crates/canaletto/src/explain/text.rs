@@ -1,7 +1,7 @@
 //! The tree as text for a terminal.
 
 use super::number::Number;
-use super::patch::PatchNode;
+use super::patch::{PatchNode, PlaceNode};
 use super::patch_text::{write_patch, write_radiosity};
 use super::tree::{
     EmittersNode, HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode, Side, TextureNode, has_primitives,
@@ -23,7 +23,8 @@ impl Display for PixelTree {
             "pixel ({x}, {y}) of {w} x {h}, counted from the top left; ({cx}, {cy}) counted from the lower left"
         )?;
         let total: f64 = self.samples.iter().map(|s| s.weight).sum();
-        let mut patches = UntoldPatches { all: &self.patches, told: BTreeSet::new() };
+        let mut patches =
+            UntoldPatches { all: &self.patches, told: BTreeSet::new(), places: self.places.iter().collect() };
         for (index, sample) in self.samples.iter().enumerate() {
             writeln!(f)?;
             if self.samples.len() > 1 {
@@ -50,6 +51,8 @@ impl Display for PixelTree {
 struct UntoldPatches<'t> {
     all: &'t [PatchNode],
     told: BTreeSet<u32>,
+    /// The places that aren't written yet.
+    places: Vec<&'t PlaceNode>,
 }
 
 impl UntoldPatches<'_> {
@@ -227,7 +230,7 @@ fn write_hit(f: &mut Formatter, hit: &HitNode, color: Rgb, indent: &str, patches
         (Some(ambient), Some(light)) => {
             writeln!(f, "{indent}    + radiosity's light * kd       {}", rgb(ambient))?;
             let deeper = format!("{indent}        ");
-            write_radiosity(f, light, &deeper)?;
+            write_radiosity(f, light, &mut patches.places, &deeper)?;
             patches.write(f, light.patch, &deeper)?;
         }
         (Some(ambient), None) => writeln!(f, "{indent}    + ambient Ia*kd                {}  (5.33)", rgb(ambient))?,

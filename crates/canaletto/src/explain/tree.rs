@@ -1,6 +1,6 @@
 //! The tree of rays behind a pixel, as plain data.
 
-use super::patch::{PatchNode, RadiosityNode};
+use super::patch::{PatchNode, PlaceNode, RadiosityNode};
 use crate::film::WeightedSum;
 use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
@@ -26,6 +26,12 @@ pub struct PixelTree {
     /// The number of further patches under the pixel's rays, which aren't explained.
     #[serde(skip_serializing_if = "is_zero")]
     pub more_patches: usize,
+    /// The places whose light is interpolated under the pixel's rays, with what lights them; only of radiosity.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<PlaceNode>,
+    /// The number of further places, which aren't explained.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub more_places: usize,
     /// The pixel's colour as rendered.
     pub color: Rgb,
 }

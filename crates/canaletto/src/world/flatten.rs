@@ -110,6 +110,8 @@ pub(super) struct Builder {
     pub(super) finished: HashMap<u32, FinishedPart>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
+    /// The name of the innermost named group around the current node.
+    pub(super) group_name: Option<Box<str>>,
     /// The numbers of objects within each prototype that was walked.
     pub(super) prototype_numbers: Vec<ObjectNumbers>,
     /// The transforms of moving instances over time, of all parts so far.
@@ -297,7 +299,12 @@ impl Builder {
                 self.geometry_instance(part, geometry, [own, inherited], to_world)
             }
             Content::Group(children) => {
-                self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1)
+                let outer = node.name.clone().map(|name| self.group_name.replace(name));
+                let flattened = self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1);
+                if let Some(outer) = outer {
+                    self.group_name = outer;
+                }
+                flattened
             }
             Content::Instance(index) => {
                 let first_object = part.object_numbers.count();
@@ -415,9 +422,12 @@ impl Builder {
             }
             self.open.push(index);
             let prototype = self.prototypes[index as usize].clone();
+            // A prototype has many places. Its objects have only the names of groups within it.
+            let outer_group = self.group_name.take();
             let mut inner = Part::default();
             let origin = self.spans.prototype_origin(&prototype);
             self.flatten(std::slice::from_ref(&prototype), &Place::from(origin), &mut inner, depth + 1)?;
+            self.group_name = outer_group;
             let mut finished = self.finish_part(inner)?;
             self.prototype_numbers[index as usize] = std::mem::take(&mut finished.object_numbers);
             finished.instances = self.as_group(index, finished.instances)?;
@@ -545,11 +555,16 @@ impl Builder {
         Ok(())
     }
 
-    /// Registers an object by its own name, or by kind and number, as the next one of the part.
+    /// Registers an object as the next one of the part. Without a name of its own it has the name of the group around
+    /// it, with its kind and number.
     fn object(&mut self, node: &Node, kind: &'static str, part: &mut Part) -> u32 {
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
-        let name = node.name.as_ref().map_or_else(|| format!("{kind} #{number}"), |name| name.to_string());
+        let name = match (&node.name, &self.group_name) {
+            (Some(own), _) => own.to_string(),
+            (None, Some(group)) => format!("group \"{group}\", {kind} #{number}"),
+            (None, None) => format!("{kind} #{number}"),
+        };
         self.objects.push(Object { name, kind });
         let object = self.objects.len() as u32 - 1;
         part.object_numbers.push_object(object);

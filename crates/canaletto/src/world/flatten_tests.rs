@@ -4,7 +4,7 @@ use super::World;
 use crate::material::{Material, Phong};
 use crate::math::Transform;
 use crate::scene::{Content, Node, Scene};
-use crate::shape::{Cuboid, Shape};
+use crate::shape::{Cuboid, Shape, Sphere};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 
@@ -43,4 +43,43 @@ fn prototypes_and_groups_place_their_shapes() {
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids, [1, 2, 3, 4]);
+}
+
+#[test]
+fn unnamed_objects_are_called_by_the_group_around_them() {
+    let ball = || Node::from(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 }));
+    let group = |nodes| Node::new(Content::Group(nodes));
+    let scene = Scene {
+        materials: vec![Material::new("m", Phong::default())],
+        prototypes: vec![ball(), group(vec![ball()]).named("bulb")],
+        nodes: vec![
+            ball(),
+            group(vec![
+                ball(),
+                ball().named("own"),
+                group(vec![ball()]),
+                group(vec![ball()]).named("inner"),
+                Node::new(Content::Instance(0)),
+                Node::new(Content::Instance(1)),
+                ball(),
+            ])
+            .named("outer"),
+            ball(),
+        ],
+        ..Scene::default()
+    };
+    let world = World::build(scene).unwrap();
+    let names: Vec<&str> = (1..=9).map(|id| world.object_with_id(id).unwrap().name.as_str()).collect();
+    let expected = [
+        "sphere #1",
+        "group \"outer\", sphere #2",
+        "own",
+        "group \"outer\", sphere #4",
+        "group \"inner\", sphere #5",
+        "sphere #6",
+        "group \"bulb\", sphere #7",
+        "group \"outer\", sphere #8",
+        "sphere #9",
+    ];
+    assert_eq!(names, expected);
 }

@@ -142,7 +142,7 @@ pub struct World {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Object {
-    /// The object's own name, or its kind and number, such as "sphere #3".
+    /// The object's own name, or its kind and number, such as "sphere #3" or "group \"lamp\", sphere #3".
     pub name: String,
     /// The kind: "sphere", "mesh", …
     pub kind: &'static str,

@@ -81,29 +81,17 @@ impl Interpolation {
         };
         let at_vertex = |vertex: usize| {
             let point = points[vertex];
-            let weight = |&patch: &u32| 1.0 / point.distance(leaves[patch as usize].center);
-            let all: f64 = around[vertex].iter().map(weight).sum();
+            let VertexPatches { shares, planes } =
+                VertexPatches::new(mesh, |patch| leaves[patch as usize], &around[vertex], point);
             let (mut mean, mut sky) = (ArrivingLight::default(), DVec3::ZERO);
-            for patch in &around[vertex] {
-                let share = weight(patch) / all;
-                let (light, of_sky) = &light[*patch as usize];
+            for (patch, share) in shares {
+                let (light, of_sky) = &light[patch as usize];
                 mean = mean.plus(&light.map(|light| light * share));
                 sky += *of_sky * share;
             }
             let Some(local) = local else { return mean };
-            // In each plane the smallest patch, whose links are the finest, stands for all.
-            let mut planes: Vec<(DVec3, u32)> = Vec::new();
-            for &patch in &around[vertex] {
-                let element = leaves[patch as usize];
-                let normal = mesh.roots[element.root as usize].normal;
-                match planes.iter_mut().find(|(other, _)| *other == normal) {
-                    None => planes.push((normal, patch)),
-                    Some((_, other)) if leaves[*other as usize].area > element.area => *other = patch,
-                    Some(_) => {}
-                }
-            }
             let share = 1.0 / planes.len() as f64;
-            planes.iter().fold(ArrivingLight::default(), |sum, &(_, patch)| {
+            planes.iter().fold(ArrivingLight::default(), |sum, &patch| {
                 let received = local.received(elements[patch as usize], point);
                 sum.plus(&with((mean, sky), received).map(|light| light * share))
             })
@@ -116,6 +104,16 @@ impl Interpolation {
         Interpolation { points, light: light_at_vertices, centers, firsts, boundary }
     }
 
+    /// The patches that have a vertex, in order.
+    pub(super) fn around(&self, vertex: u32) -> Vec<u32> {
+        let has_it = |patch: &u32| self.vertices_of(*patch as usize).contains(&vertex);
+        (0..self.firsts.len() as u32 - 1).filter(has_it).collect()
+    }
+
+    fn vertices_of(&self, patch: usize) -> &[u32] {
+        &self.boundary[self.firsts[patch] as usize..self.firsts[patch + 1] as usize]
+    }
+
     /// The light at a point of a patch, whose centre is given.
     pub(super) fn at(&self, patch: usize, center: DVec3, point: DVec3) -> ArrivingLight {
         self.corners_at(patch, center, point).map_or(self.centers[patch], |corners| blended(&corners))
@@ -124,7 +122,7 @@ impl Interpolation {
     /// The corners of the triangle that a point of a patch lies in, the patch's centre first. None if the patch has no
     /// such triangle.
     pub(super) fn corners_at(&self, patch: usize, center: DVec3, point: DVec3) -> Option<[BlendedLight; 3]> {
-        let vertices = &self.boundary[self.firsts[patch] as usize..self.firsts[patch + 1] as usize];
+        let vertices = self.vertices_of(patch);
         let mut best: Option<(f64, [f64; 3], [u32; 2])> = None;
         for (i, &a) in vertices.iter().enumerate() {
             let b = vertices[(i + 1) % vertices.len()];
@@ -146,21 +144,59 @@ impl Interpolation {
         let (_, weights, vertices) = best?;
         let [own_weight, ..] = weights.map(|weight| weight.max(0.0));
         let at_vertex = |i: usize| BlendedLight {
+            vertex: Some(vertices[i]),
             place: self.points[vertices[i] as usize],
             weight: weights[i + 1].max(0.0),
             light: self.light[vertices[i] as usize],
         };
         Some([
-            BlendedLight { place: center, weight: own_weight, light: self.centers[patch] },
+            BlendedLight { vertex: None, place: center, weight: own_weight, light: self.centers[patch] },
             at_vertex(0),
             at_vertex(1),
         ])
     }
 }
 
+/// The patches that the light at a vertex is made of.
+pub(super) struct VertexPatches {
+    /// The patches around the vertex with their shares in its mean light.
+    pub(super) shares: Vec<(u32, f64)>,
+    /// In each plane the smallest patch. Its links are the finest; the local pass takes them for all patches.
+    pub(super) planes: Vec<u32>,
+}
+
+impl VertexPatches {
+    /// `around` are the numbers of the patches that have the vertex and an area, `leaf` finds their elements.
+    pub(super) fn new<'m>(
+        mesh: &PatchMesh,
+        leaf: impl Fn(u32) -> &'m Element,
+        around: &[u32],
+        point: DVec3,
+    ) -> VertexPatches {
+        let weight = |&patch: &u32| 1.0 / point.distance(leaf(patch).center);
+        let all: f64 = around.iter().map(weight).sum();
+        let mut planes: Vec<(DVec3, u32)> = Vec::new();
+        for &patch in around {
+            let element = leaf(patch);
+            let normal = mesh.roots[element.root as usize].normal;
+            match planes.iter_mut().find(|(other, _)| *other == normal) {
+                None => planes.push((normal, patch)),
+                Some((_, other)) if leaf(*other).area > element.area => *other = patch,
+                Some(_) => {}
+            }
+        }
+        VertexPatches {
+            shares: around.iter().map(|patch| (*patch, weight(patch) / all)).collect(),
+            planes: planes.into_iter().map(|(_, patch)| patch).collect(),
+        }
+    }
+}
+
 /// Light at a place, with its weight in light that is interpolated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BlendedLight {
+    /// The number of the vertex; none for the centre of a patch.
+    pub(crate) vertex: Option<u32>,
     pub(crate) place: DVec3,
     pub(crate) weight: f64,
     pub(crate) light: ArrivingLight,

@@ -10,6 +10,7 @@ use super::outline::CELLS;
 use crate::world::OccluderCache;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// How far vertices are moved towards the centre of their patch, relative to the distance. A vertex in the plane of a
 /// source would see nothing of it.
@@ -21,14 +22,28 @@ const NEAR: f64 = 2.0;
 /// The number of rays after which no more are traced to a source if these agree. They end in different quarters.
 const FEW_RAYS: f64 = 4.0;
 
+/// The radiance of all nodes by emission, and by the reflection of light that was found at centres of patches.
+#[derive(Clone, Debug)]
+pub(super) struct LocalRadiance {
+    pub(super) emission: Vec<DVec3>,
+    pub(super) reflection: Vec<DVec3>,
+}
+
+/// A node as a point of a patch sees it.
+pub(super) struct SeenNode {
+    pub(super) node: u32,
+    /// The share of the point's view that the node fills.
+    pub(super) form_factor: f64,
+    /// The element around the point that the node has a link to.
+    pub(super) receiver: u32,
+}
+
 /// A solution whose light is found at points of patches.
 pub(super) struct LocalPass<'a> {
     mesh: &'a PatchMesh<'a>,
     gathering: &'a Gathering,
     closed: &'a [bool],
-    /// The radiance of all nodes by emission, and by reflections.
-    emission: Vec<DVec3>,
-    reflection: Vec<DVec3>,
+    radiance: Cow<'a, LocalRadiance>,
     /// What patches receive at their centres, in the order of the leaves: from emitters, and by reflections.
     pub(super) centers: Vec<[DVec3; 2]>,
 }
@@ -45,16 +60,32 @@ impl<'a> LocalPass<'a> {
         let emission = light.sent_emission.clone();
         let reflection =
             light.radiance.iter().zip(&emission).map(|(&all, &own)| (all - own).max(DVec3::ZERO)).collect();
-        let mut pass = LocalPass { mesh, gathering, closed, emission, reflection, centers: Vec::new() };
+        let radiance = Cow::Owned(LocalRadiance { emission, reflection });
+        let mut pass = LocalPass { mesh, gathering, closed, radiance, centers: Vec::new() };
         let leaves = mesh.leaf_elements();
         let centers = pass.at_centers(&leaves);
         for ((&leaf, &[from_emitters, reflected]), &given) in leaves.iter().zip(&centers).zip(given) {
-            pass.reflection[mesh.node(leaf) as usize] =
+            pass.radiance.to_mut().reflection[mesh.node(leaf) as usize] =
                 mesh.elements[leaf as usize].reflectance * (given + from_emitters + reflected);
         }
-        pass.reflection = means(mesh, pass.reflection);
+        let radiance = pass.radiance.to_mut();
+        radiance.reflection = means(mesh, std::mem::take(&mut radiance.reflection));
         pass.centers = pass.at_centers(&leaves);
         pass
+    }
+
+    /// A pass whose radiance was found. It has no centres.
+    pub(super) fn again(
+        mesh: &'a PatchMesh<'a>,
+        gathering: &'a Gathering,
+        closed: &'a [bool],
+        radiance: &'a LocalRadiance,
+    ) -> LocalPass<'a> {
+        LocalPass { mesh, gathering, closed, radiance: Cow::Borrowed(radiance), centers: Vec::new() }
+    }
+
+    pub(super) fn into_radiance(self) -> LocalRadiance {
+        self.radiance.into_owned()
     }
 
     fn at_centers(&self, leaves: &[u32]) -> Vec<[DVec3; 2]> {
@@ -64,12 +95,29 @@ impl<'a> LocalPass<'a> {
 
     /// What a patch receives at one of its points: from emitters, and by reflections.
     pub(super) fn received(&self, patch: u32, point: DVec3) -> [DVec3; 2] {
+        let LocalRadiance { emission, reflection } = &*self.radiance;
+        let mut received = [DVec3::ZERO; 2];
+        let (scale, missing) = self.visit_seen(patch, point, |seen| {
+            received[0] += emission[seen.node as usize] * seen.form_factor;
+            received[1] += reflection[seen.node as usize] * seen.form_factor;
+        });
+        if !self.closed[patch as usize] {
+            return received;
+        }
+        let node = self.mesh.node(patch) as usize;
+        let own = [emission[node], reflection[node]];
+        [0, 1].map(|i| (received[i] * scale + own[i] * missing).max(DVec3::ZERO))
+    }
+
+    /// Visits what a point of a patch sees. Returns the factor of all form factors and the patch's form factor to
+    /// itself, as in the balance: the factors of a closed patch sum to 1.
+    pub(super) fn visit_seen(&self, patch: u32, point: DVec3, mut visit: impl FnMut(SeenNode)) -> (f64, f64) {
         let mesh = self.mesh;
         let element = &mesh.elements[patch as usize];
         let root = &mesh.roots[element.root as usize];
         let point = point + (element.center - point) * INSET;
         let mut start = Start { origin: None, last: OccluderCache::NONE };
-        let (mut sum, mut received) = (0.0, [DVec3::ZERO; 2]);
+        let mut sum = 0.0;
         let mut receiver = Some(patch);
         let mut sources = Vec::new();
         while let Some(of) = receiver {
@@ -90,20 +138,12 @@ impl<'a> LocalPass<'a> {
                     let origin = || root.ray_origin(mesh.world, point);
                     let factor = in_view * self.visibility(source, link.visibility, &mut start, origin);
                     sum += factor;
-                    received[0] += self.emission[source as usize] * factor;
-                    received[1] += self.reflection[source as usize] * factor;
+                    visit(SeenNode { node: source, form_factor: factor, receiver: of });
                 }
             }
             receiver = mesh.element_of(mesh.elements[of as usize].parent);
         }
-        if !self.closed[patch as usize] {
-            return received;
-        }
-        // As in the balance: the factors of a closed patch sum to 1.
-        let (scale, missing) = closure_of(sum);
-        let node = mesh.node(patch) as usize;
-        let own = [self.emission[node], self.reflection[node]];
-        [0, 1].map(|i| (received[i] * scale + own[i] * missing).max(DVec3::ZERO))
+        if self.closed[patch as usize] { closure_of(sum) } else { (1.0, 0.0) }
     }
 
     /// The share of a source that the point sees. Only partly hidden elements need rays.

@@ -168,7 +168,7 @@ impl RadiositySolution {
         settings.check()?;
         with_stack(stack_of(world), || {
             let (mesh, balanced) = balance_of(world, settings, observer, watcher)?;
-            Ok(RadiositySolution::new(&mesh, &balanced))
+            Ok(RadiositySolution::new(&mesh, &balanced).0)
         })?
     }
 
@@ -184,7 +184,8 @@ impl RadiositySolution {
         settings.check()?;
         with_stack(stack_of(world), || {
             let (mesh, balanced) = balance_of(world, settings, observer, &mut ())?;
-            Ok((RadiositySolution::new(&mesh, &balanced), Transport::new(mesh, balanced)))
+            let (solution, local_radiance) = RadiositySolution::new(&mesh, &balanced);
+            Ok((solution, Transport::new(mesh, balanced, local_radiance)))
         })?
     }
 }

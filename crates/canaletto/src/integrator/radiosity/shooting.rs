@@ -41,7 +41,7 @@ impl ShootingStep<'_> {
         let light = light_of(self.mesh, self.leaves, self.radiance, &received, self.from_emitters);
         let (given, exchanges) = (self.given.clone(), self.step * self.leaves.len());
         let balanced = Balanced { given, light, residual: self.unsent, exchanges, gathering: None };
-        RadiositySolution::new(self.mesh, &balanced)
+        RadiositySolution::new(self.mesh, &balanced).0
     }
 }
 

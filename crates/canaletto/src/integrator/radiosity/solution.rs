@@ -4,7 +4,7 @@ use super::Balanced;
 use super::emitters::{Emitter, Emitters};
 use super::hierarchical::Given;
 use super::interpolation::{BlendedLight, Interpolation};
-use super::local_pass::LocalPass;
+use super::local_pass::{LocalPass, LocalRadiance};
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
 use crate::Named;
@@ -136,7 +136,8 @@ pub struct RadiositySolution {
 }
 
 impl RadiositySolution {
-    pub(super) fn new(mesh: &PatchMesh, balanced: &Balanced) -> RadiositySolution {
+    /// The solution of a balance, with the radiance that the local pass has found, if it has links.
+    pub(super) fn new(mesh: &PatchMesh, balanced: &Balanced) -> (RadiositySolution, Option<LocalRadiance>) {
         let Balanced { given: Given { lit, sky, closed }, light, residual, exchanges, gathering } = balanced;
         let [mut lit, mut sky] = [lit, sky].map(Vec::clone);
         let (mut patches, mut outlines, mut elements, mut roots) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -188,7 +189,7 @@ impl RadiositySolution {
         let given: Vec<DVec3> = arriving.iter().map(|(light, sky): &(ArrivingLight, _)| light.direct + *sky).collect();
         let local = gathering.as_ref().map(|gathering| LocalPass::new(mesh, gathering, closed, light, &given));
         let interpolation = Interpolation::new(mesh, &arriving, local.as_ref());
-        RadiositySolution {
+        let solution = RadiositySolution {
             interpolation,
             emitters: Emitters::new(mesh),
             patches,
@@ -200,7 +201,8 @@ impl RadiositySolution {
             residual: *residual,
             links: *exchanges,
             limit_reached: mesh.limit_reached,
-        }
+        };
+        (solution, local.map(LocalPass::into_radiance))
     }
 
     /// Whether the solution has the coordinates and the primitives of a world. If the fingerprints of both
@@ -272,14 +274,26 @@ impl RadiositySolution {
     /// The light of a whole patch, at its centre.
     pub(crate) fn center_of(&self, number: usize) -> BlendedLight {
         let patch = &self.patches[number];
-        BlendedLight { place: patch.center, weight: 1.0, light: patch.arriving() }
+        BlendedLight { vertex: None, place: patch.center, weight: 1.0, light: patch.arriving() }
+    }
+
+    /// The light at the centre of a patch that interpolation takes.
+    pub(crate) fn at_center(&self, number: usize) -> BlendedLight {
+        let light = self.interpolation.centers[number];
+        BlendedLight { vertex: None, place: self.patches[number].center, weight: 1.0, light }
+    }
+
+    /// The light at a vertex of the interpolation.
+    pub(crate) fn at_vertex(&self, vertex: u32) -> BlendedLight {
+        let Interpolation { points, light, .. } = &self.interpolation;
+        let number = vertex as usize;
+        BlendedLight { vertex: Some(vertex), place: points[number], weight: 1.0, light: light[number] }
     }
 
     /// The light whose mean [`RadiositySolution::light_at`] is at a point of a patch.
     pub(crate) fn corners_at(&self, number: usize, point: DVec3) -> Vec<BlendedLight> {
         let place = self.patches[number].center;
-        let own = BlendedLight { place, weight: 1.0, light: self.interpolation.centers[number] };
-        self.interpolation.corners_at(number, place, point).map_or(vec![own], Vec::from)
+        self.interpolation.corners_at(number, place, point).map_or_else(|| vec![self.at_center(number)], Vec::from)
     }
 
     fn leaf_at(&self, instance: u32, primitive: u32, part: u32, is_outer: bool, point: DVec3) -> Option<u32> {

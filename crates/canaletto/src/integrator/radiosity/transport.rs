@@ -1,9 +1,12 @@
 //! How light goes from patch to patch: the terms of a patch's equation, found again from the links that solved it.
 
-use super::Balanced;
 use super::exchange::Effort;
 use super::gathering::Gathering;
+use super::hierarchical::Given;
+use super::interpolation::VertexPatches;
+use super::local_pass::{LocalPass, LocalRadiance, SeenNode};
 use super::mesh::{NONE, PatchMesh};
+use super::{Balanced, RadiositySolution};
 use crate::world::Hit;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -23,6 +26,30 @@ pub(crate) struct Transport<'w> {
     reflected: Vec<DVec3>,
     /// The element of each patch.
     leaves: Vec<u32>,
+    /// For each element, whether no direction is open.
+    closed: Vec<bool>,
+    /// The radiance of nodes that the local pass takes; none without links.
+    local_radiance: Option<LocalRadiance>,
+}
+
+/// The terms of the light that arrives at a place.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LightTerms {
+    /// Of the scene's lights without a reflection.
+    pub(crate) direct: Vec<PatchLight>,
+    /// Straight from emitting surfaces.
+    pub(crate) from_emitters: Vec<PatchLight>,
+    /// By reflections and from the environment.
+    pub(crate) indirect: Vec<PatchLight>,
+}
+
+impl LightTerms {
+    fn add(&mut self, share: f64, terms: LightTerms) {
+        let scaled = |terms: Vec<PatchLight>| terms.into_iter().map(move |term| term.scaled(share));
+        self.direct.extend(scaled(terms.direct));
+        self.from_emitters.extend(scaled(terms.from_emitters));
+        self.indirect.extend(scaled(terms.indirect));
+    }
 }
 
 /// Where light comes from.
@@ -52,8 +79,19 @@ pub(crate) struct PatchLight {
     pub(crate) receiver_area: f64,
 }
 
+impl PatchLight {
+    fn scaled(self, share: f64) -> PatchLight {
+        let form_factor = self.form_factor * share;
+        let light = match self.source {
+            LightSource::Light(_) | LightSource::Environment => self.light * share,
+            LightSource::Node(_) | LightSource::Itself(_) => self.radiance * form_factor,
+        };
+        PatchLight { light, form_factor, ..self }
+    }
+}
+
 impl<'w> Transport<'w> {
-    pub(super) fn new(mesh: PatchMesh<'w>, balanced: Balanced) -> Transport<'w> {
+    pub(super) fn new(mesh: PatchMesh<'w>, balanced: Balanced, local_radiance: Option<LocalRadiance>) -> Transport<'w> {
         let Balanced { given, light, gathering, .. } = balanced;
         let closure = match &gathering {
             Some(gathering) => gathering.closure(&mesh, &given.closed),
@@ -62,11 +100,77 @@ impl<'w> Transport<'w> {
         let emitted = light.sent_emission;
         let reflected = light.sent.iter().zip(&emitted).map(|(&sent, &emitted)| sent - emitted).collect();
         let leaves = mesh.leaf_elements();
-        Transport { gathering, closure, lit: given.lit, sky: given.sky, emitted, reflected, leaves, mesh }
+        let Given { lit, sky, closed } = given;
+        Transport { gathering, closure, lit, sky, emitted, reflected, leaves, closed, local_radiance, mesh }
+    }
+
+    /// The mean light on a patch.
+    pub(crate) fn of_patch(&self, patch: usize) -> LightTerms {
+        let mut indirect = self.sent_by_nodes(patch, &self.reflected);
+        indirect.extend(self.sky(patch));
+        LightTerms { direct: self.direct(patch), from_emitters: self.sent_by_nodes(patch, &self.emitted), indirect }
+    }
+
+    /// The light at the centre of a patch.
+    pub(crate) fn at_center(&self, patch: usize) -> LightTerms {
+        match self.seen_at(patch, self.mesh.elements[self.leaves[patch] as usize].center) {
+            Some([from_emitters, mut indirect]) => {
+                indirect.extend(self.sky(patch));
+                LightTerms { direct: self.direct(patch), from_emitters, indirect }
+            }
+            None => self.of_patch(patch),
+        }
+    }
+
+    /// The light at a vertex of a solution's interpolation.
+    pub(crate) fn at_vertex(&self, solution: &RadiositySolution, vertex: u32) -> LightTerms {
+        let point = solution.interpolation.points[vertex as usize];
+        let leaf = |patch: u32| &self.mesh.elements[self.leaves[patch as usize] as usize];
+        let mut around = solution.interpolation.around(vertex);
+        around.retain(|&patch| leaf(patch).area > 0.0);
+        let VertexPatches { shares, planes } = VertexPatches::new(&self.mesh, leaf, &around, point);
+        let mut terms = LightTerms::default();
+        for (patch, share) in shares {
+            let patch = patch as usize;
+            let mean = match self.local_radiance {
+                None => self.of_patch(patch),
+                Some(_) => {
+                    let indirect = self.sky(patch).collect();
+                    LightTerms { direct: self.direct(patch), from_emitters: Vec::new(), indirect }
+                }
+            };
+            terms.add(share, mean);
+        }
+        let share = 1.0 / planes.len() as f64;
+        for seen in planes.into_iter().filter_map(|patch| self.seen_at(patch as usize, point)) {
+            let [from_emitters, indirect] = seen;
+            terms.add(share, LightTerms { direct: Vec::new(), from_emitters, indirect });
+        }
+        terms
+    }
+
+    /// The light that a point of a patch gets from nodes by emission and by reflections, as the local pass finds it.
+    /// None without a local pass.
+    fn seen_at(&self, patch: usize, point: DVec3) -> Option<[Vec<PatchLight>; 2]> {
+        let (gathering, local_radiance) = self.gathering.as_ref().zip(self.local_radiance.as_ref())?;
+        let local = LocalPass::again(&self.mesh, gathering, &self.closed, local_radiance);
+        let own = self.leaves[patch];
+        let mut seen = Vec::new();
+        let (scale, missing) = local.visit_seen(own, point, |node| seen.push(node));
+        let LocalRadiance { emission, reflection } = local_radiance;
+        Some([emission, reflection].map(|radiance| {
+            let node = |seen: &SeenNode| {
+                let source = LightSource::Node(seen.node);
+                self.sent(source, seen.node, radiance, seen.form_factor * scale, seen.receiver)
+            };
+            let own_node = self.mesh.node(own);
+            let itself = self.sent(LightSource::Itself(own_node), own_node, radiance, missing, own);
+            seen.iter().map(node).chain([itself]).filter(|light| light.light != DVec3::ZERO).collect()
+        }))
     }
 
     /// The light of the scene's lights that arrives at a patch without a reflection.
-    pub(crate) fn direct(&self, patch: usize) -> Vec<PatchLight> {
+    fn direct(&self, patch: usize) -> Vec<PatchLight> {
         let is_lit = |element: &u32| self.lit[self.mesh.node(*element) as usize] != DVec3::ZERO;
         let of = |element: u32, light: u32| {
             self.without_a_node(LightSource::Light(light), self.mesh.lit_by(light, element), element)
@@ -77,32 +181,21 @@ impl<'w> Transport<'w> {
         all.filter(|light| light.light != DVec3::ZERO).collect()
     }
 
-    /// The light that arrives at a patch straight from emitting surfaces.
-    pub(crate) fn sent_by_emitters(&self, patch: usize) -> Vec<PatchLight> {
-        self.sent_by_nodes(patch, &self.emitted)
-    }
-
-    /// The light that arrives at a patch by reflections and from the environment.
-    pub(crate) fn indirect(&self, patch: usize) -> Vec<PatchLight> {
+    /// The light of the environment that arrives at a patch.
+    fn sky(&self, patch: usize) -> impl Iterator<Item = PatchLight> {
         let sky = |element: u32| {
             self.without_a_node(LightSource::Environment, self.sky[self.mesh.node(element) as usize], element)
         };
-        let mut found = self.sent_by_nodes(patch, &self.reflected);
-        found.extend(self.elements_around(patch).map(sky).filter(|sky| sky.light != DVec3::ZERO));
-        found
+        self.elements_around(patch).map(sky).filter(|sky| sky.light != DVec3::ZERO)
     }
 
     /// The light that arrives at a patch from nodes of these radiances.
     fn sent_by_nodes(&self, patch: usize, radiance: &[DVec3]) -> Vec<PatchLight> {
         let own = self.leaves[patch];
         let (scale, missing) = self.closure[own as usize];
-        let of = |source: LightSource, node: u32, form_factor: f64, receiver: u32| {
-            let radiance = radiance[node as usize];
-            let receiver_area = self.mesh.elements[receiver as usize].area;
-            PatchLight { source, light: radiance * form_factor, form_factor, radiance, receiver_area }
+        let linked = |node: u32, form_factor: f64, receiver: u32| {
+            self.sent(LightSource::Node(node), node, radiance, form_factor, receiver)
         };
-        let linked =
-            |node: u32, form_factor: f64, receiver: u32| of(LightSource::Node(node), node, form_factor, receiver);
         let mut found: Vec<PatchLight> = match &self.gathering {
             Some(gathering) => self
                 .elements_around(patch)
@@ -119,9 +212,16 @@ impl<'w> Transport<'w> {
             }
         };
         let own_node = self.mesh.node(own);
-        found.push(of(LightSource::Itself(own_node), own_node, missing, own));
+        found.push(self.sent(LightSource::Itself(own_node), own_node, radiance, missing, own));
         found.retain(|light| light.light != DVec3::ZERO);
         found
+    }
+
+    /// The light that a node of one of these radiances sends to an element.
+    fn sent(&self, source: LightSource, node: u32, radiance: &[DVec3], form_factor: f64, receiver: u32) -> PatchLight {
+        let radiance = radiance[node as usize];
+        let receiver_area = self.mesh.elements[receiver as usize].area;
+        PatchLight { source, light: radiance * form_factor, form_factor, radiance, receiver_area }
     }
 
     fn without_a_node(&self, source: LightSource, light: DVec3, receiver: u32) -> PatchLight {
