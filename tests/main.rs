@@ -17,6 +17,7 @@ mod limits;
 mod radiosity_explained;
 mod scale;
 mod serialised;
+mod shadows;
 mod textures;
 mod watertight;
 mod zbuffer;

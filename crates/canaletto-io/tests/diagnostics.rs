@@ -116,7 +116,7 @@ fn examples_of_the_reference_are_right() {
         .with("bunny.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let faces = ["px", "nx", "py", "ny", "pz", "nz"];
     let assets = faces.iter().fold(assets, |assets, face| assets.with(&format!("{face}.png"), png(2, 2)));
-    let base = "prototype name=\"lamp\" { sphere { center 0 0 0; radius 1 } }\nmaterial \"blue\"\n";
+    let base = "prototype \"lamp\" { sphere { center 0 0 0; radius 1 } }\nmaterial \"blue\"\n";
     let mut count = 0;
     for block in reference.split("```kdl\n").skip(1) {
         let example = block.split("```").next().expect("an end");
@@ -124,7 +124,7 @@ fn examples_of_the_reference_are_right() {
         if example.contains("material \"blue\"") {
             scene = scene.replace("material \"blue\"\n", "");
         }
-        if example.contains("name=\"lamp\"") {
+        if example.contains("group \"lamp\"") {
             scene.clear();
         }
         if example.contains("texture \"bricks\"") && !example.contains("texture \"bricks\" file") {

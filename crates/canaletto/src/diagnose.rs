@@ -170,7 +170,7 @@ fn enclosing_object(world: &World, point: DVec3) -> Option<(u32, String)> {
     for index in 0..DIRECTIONS {
         let line = DRay { origin: point, direction: fibonacci_direction(index) };
         let hit = first_hit(world, &line)?;
-        let opaque = world.material(&hit).is_opaque();
+        let opaque = world.material(&hit).is_opaque() && world.casts_shadow(hit.instance, hit.primitive);
         let outwards = world.surface(line, &hit).normal.dot(line.direction) > 0.0;
         let id = world.object_id(&hit);
         if !opaque || !outwards || around.as_ref().is_some_and(|(known, _)| *known != id) {

@@ -176,7 +176,9 @@ impl SceneSource for SceneDocument {
                 .properties
                 .iter()
                 .filter(|property| ![NAME.name(), MATERIAL.name(), OF.name()].contains(&&*property.key));
-            let values = node.values.iter().chain(named.map(|property| &property.value));
+            // The value after an object's word is its name.
+            let values = node.values.iter().filter(|_| !nodes::is_object(&node.name));
+            let values = values.chain(named.map(|property| &property.value));
             texts.extend(values.filter_map(|value| Some((value.as_text()?, value.span))));
             let keys = node.keys.iter().flat_map(|keys| keys.nodes());
             node.children.iter().chain(keys).for_each(|child| collect(child, texts));

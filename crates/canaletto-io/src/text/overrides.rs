@@ -6,7 +6,7 @@ use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{
     self, ALTERNATIVES, ANIMATION, CAMERA, DEFAULT_CAMERA, ENVIRONMENT, GROUP, INCLUDE, INTEGRATOR, LIGHT,
-    MATERIAL_NODE, NAME, PATH, PROTOTYPE, TEXTURE,
+    MATERIAL_NODE, PATH, PROTOTYPE, TEXTURE,
 };
 use super::report::{Message, Report};
 use super::syntax::{Node, Span, parse_entries};
@@ -237,7 +237,7 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
         } else if [MATERIAL_NODE.name, TEXTURE, PATH.name].contains(&word) {
             argument()
         } else {
-            node.text(NAME.name()).map(|(name, _)| name)
+            nodes::name_of(node).map(|(name, _)| name)
         };
         if name.is_none_or(|name| own == Some(name)) {
             put(node, value.clone());

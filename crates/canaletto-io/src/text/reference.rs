@@ -42,7 +42,7 @@ pub fn reference_markdown() -> String {
     for texture in TEXTURES {
         node(&mut out, &texture.schema, &format!("texture kind=\"{}\"", kind_of(&texture.schema)));
     }
-    out.push_str("\n## Objects\n\nEach object may have a `name`, a `material`, and transforms in its braces.\n");
+    out.push_str("\n## Objects\n\nThe value after an object's word is its name: `sphere \"ball\" { … }`. Each object may have a `material`, and transforms\nin its braces.\n");
     for object in OBJECTS {
         node(&mut out, &object.schema, object.schema.name);
         if std::ptr::eq(*object, &CYLINDERS) {
@@ -100,7 +100,7 @@ fn node(out: &mut String, words: &NodeSchema, title: &str) {
         .iter()
         .filter(|word| !matches!(word.value_type, ValueType::Keyword([_])) || !(word.default)().is_empty())
         .map(|word| (format!("*{}*", word.name), word))
-        .chain(words.own().map(|word| (format!("`{}`", word.name), word)))
+        .chain(words.beside_argument().map(|word| (format!("`{}`", word.name), word)))
         .collect();
     if !rows.is_empty() {
         out.push_str("| word | takes | default | meaning |\n|---|---|---|---|\n");

@@ -202,6 +202,12 @@ impl NodeSchema {
         self.words.iter().flat_map(|group| group.iter())
     }
 
+    /// The fields without the one whose values may also stand right after the node's name.
+    pub(crate) fn beside_argument(&self) -> impl Iterator<Item = &'static FieldSchema> {
+        let argument = self.argument.map(|argument| argument.name);
+        self.own().filter(move |word| Some(word.name) != argument)
+    }
+
     pub(crate) fn word(&self, name: &str) -> Option<&'static FieldSchema> {
         self.own().find(|word| word.name == name)
     }

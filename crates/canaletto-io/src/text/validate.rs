@@ -2,7 +2,7 @@
 
 use super::closest_word::closest_word;
 use super::files::Files;
-use super::nodes::{self, NAME, TRANSFORMS};
+use super::nodes::{self, TRANSFORMS};
 use super::reader::{Entry, Fields, TransformEntry};
 use super::report::{Message, Report};
 use super::schema::{FieldSchema, NodeSchema, ValueType};
@@ -77,15 +77,18 @@ impl<'a> Validator<'a> {
                 return;
             }
             fields.valid = false;
-            let mut message = Message::error(span, format!("{title} takes no values right after its name"));
-            if let (Some(text), Some(_)) = (first.as_text(), words.word(NAME.name())) {
-                message = message.help(format!("a name is written name={text:?}"));
-            } else {
-                message = message.help(format!("its words stand in braces: {}", nodes::allowed(words).join(", ")));
-            }
-            self.report.push(message);
+            let message = Message::error(span, format!("{title} takes no values right after its name"));
+            let help = format!("its words stand in braces: {}", nodes::allowed(words).join(", "));
+            self.report.push(message.help(help));
             return;
         };
+        if matches!(word.value_type, ValueType::Text) && words.transforms && first.as_text().is_none() && !node.broken {
+            fields.valid = false;
+            let message = Message::error(span, format!("{title} takes only a name right after its word"));
+            let help = format!("its words stand in braces: {}", nodes::allowed(words).join(", "));
+            self.report.push(message.help(help));
+            return;
+        }
         let got = Entry { word, values: &node.values, node: None, span, good: !node.broken };
         let good = got.good && self.is_valid(title, word, &got);
         fields.valid &= good;
@@ -120,7 +123,7 @@ impl<'a> Validator<'a> {
         let has = |word: &FieldSchema| {
             fields.got.iter().any(|got| got.word.name == word.name) || fields.meant.contains(&word.name)
         };
-        let needed = words.argument.iter().chain(words.own()).filter(|word| word.needed);
+        let needed = words.argument.iter().chain(words.beside_argument()).filter(|word| word.needed);
         let missing: Vec<&str> = needed.filter(|word| !has(word)).map(|word| word.name).collect();
         fields.valid &= fields.meant.is_empty();
         if missing.is_empty() {

@@ -3,6 +3,7 @@
 use crate::Named;
 use crate::integrator::omitted_by_zbuffer;
 use crate::job::Job;
+use crate::material::Material;
 use crate::math::Rgb;
 use crate::scene::{Integrator, Stage};
 use crate::world::World;
@@ -101,8 +102,9 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
         return all;
     }
     let used = world.materials_in_use();
-    let emitters = world.materials().iter().zip(used).filter(|(material, used)| *used && material.may_emit());
-    let materials: Vec<String> = emitters.map(|(material, _)| material.name.clone()).collect();
+    let emits = |number: u32, material: &Material| !world.is_of_light(number) && material.may_emit();
+    let emitters = (0..).zip(world.materials()).zip(used).filter(|((number, m), used)| *used && emits(*number, m));
+    let materials: Vec<String> = emitters.map(|((_, material), _)| material.name.clone()).collect();
     let integrator = integrator.name();
     if !materials.is_empty() {
         all.push(Omission::EmissionAsLight { integrator, materials });
@@ -114,7 +116,7 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::material::{Material, Phong};
+    use crate::material::Phong;
     use crate::scene::{
         Content, Extrinsics, FilmSettings, Intrinsics, Node, RadiositySettings, Scene, WhittedSettings,
     };

@@ -43,6 +43,11 @@ pub struct Light {
     /// The emission of the light's surface, if it has one.
     #[serde(default)]
     pub emission: Emission,
+    /// Whether the camera, mirrors and glass show the light's surface, with the radiance [`Light::intensity`] and
+    /// without attenuation. A surface of [matte](Emission::Matte) emission is black from behind. What is seen casts no
+    /// shadow. Only for lights with a surface.
+    #[serde(default)]
+    pub visible: bool,
     /// The form of the light.
     pub kind: LightKind,
 }
@@ -81,6 +86,7 @@ impl Light {
             attenuation: [1.0, 0.0, 0.0],
             samples: 0,
             emission: Emission::Even,
+            visible: false,
             kind,
         }
     }
@@ -185,6 +191,10 @@ impl Light {
                 "emission",
                 format!("is \"matte\", but a light \"{}\" has no surface", self.kind_name()),
             ));
+        }
+        if self.visible && !self.has_area() {
+            let problem = format!("is set, but a light \"{}\" has no surface to be seen", self.kind_name());
+            return Err(OutOfRange::new("visible", problem));
         }
         match &self.kind {
             LightKind::Omni(light) => light.check(),

@@ -23,6 +23,7 @@ fn without_children(node: &Node) -> Node {
     Node {
         name: node.name.clone(),
         material: node.material,
+        casts_shadow: node.casts_shadow,
         transform: node.transform.clone(),
         motion: node.motion.clone(),
         rest: node.rest.clone(),
@@ -76,7 +77,8 @@ impl PartialEq for Node {
                 (a, b) => a == b,
             };
             let placed = a.transform == b.transform && a.motion == b.motion && a.rest == b.rest;
-            if !(same && placed && a.material == b.material && a.name == b.name) {
+            let shown = a.material == b.material && a.casts_shadow == b.casts_shadow;
+            if !(same && placed && shown && a.name == b.name) {
                 return false;
             }
         }
@@ -125,11 +127,12 @@ pub(super) fn read<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Nod
 
 impl fmt::Debug for Node {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Node { name, material, transform, motion, rest, content } = self;
+        let Node { name, material, casts_shadow, transform, motion, rest, content } = self;
         let mut shown = f.debug_struct("Node");
         shown
             .field("name", name)
             .field("material", material)
+            .field("casts_shadow", casts_shadow)
             .field("transform", transform)
             .field("motion", motion)
             .field("rest", rest);

@@ -16,6 +16,10 @@ pub struct Node {
     /// The index into [`super::Scene::materials`]. `None` inherits the material of the enclosing group; at the root, it
     /// is the default material. An index on a mesh replaces the mesh's own materials; an inherited material does not.
     pub material: Option<u32>,
+    /// Whether shadow rays meet the node. Without shadows it still shows to the camera, in mirrors and through glass.
+    /// Nothing inside a group or a prototype without shadows casts any.
+    #[serde(default = "casts", skip_serializing_if = "is_true")]
+    pub casts_shadow: bool,
     /// The transform from this node's space to its parent's.
     pub transform: Sparse<Transform>,
     /// The poses while the shutter is open: none for a node at rest, else at least two. They are evenly spaced in time
@@ -29,6 +33,14 @@ pub struct Node {
     /// move, in the order of their declaration. The remainder matters for points far from zero.
     #[serde(default, skip_serializing_if = "Sparse::is_usual")]
     pub rest: Sparse<[Vec3; 3]>,
+}
+
+fn casts() -> bool {
+    true
+}
+
+fn is_true(casts_shadow: &bool) -> bool {
+    *casts_shadow
 }
 
 /// The content of a [`Node`].
@@ -59,6 +71,7 @@ impl Node {
         Node {
             name: None,
             material: None,
+            casts_shadow: true,
             transform: Sparse::default(),
             motion: Sparse::default(),
             content,
@@ -111,6 +124,12 @@ impl Node {
         self
     }
 
+    /// Returns the node with shadows, or without.
+    pub fn with_shadow(mut self, casts_shadow: bool) -> Node {
+        self.casts_shadow = casts_shadow;
+        self
+    }
+
     /// Returns the node moved by `transform`, which is applied after the node's own transform.
     pub fn with_transform(mut self, transform: &Transform) -> Node {
         self.transform = transform.after(&self.transform).into();
@@ -145,6 +164,6 @@ mod tests {
     #[test]
     fn a_million_nodes_are_small() {
         let sizes = [size_of::<Node>(), size_of::<Light>(), size_of::<PreparedLight>()];
-        assert!(sizes[0] <= 136 && sizes[1] <= 88 && sizes[2] <= 192, "{sizes:?}");
+        assert!(sizes[0] <= 144 && sizes[1] <= 88 && sizes[2] <= 192, "{sizes:?}");
     }
 }

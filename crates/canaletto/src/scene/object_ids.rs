@@ -1,6 +1,7 @@
 //! The objects that a name stands for, as numbers.
 
 use super::{Content, Node, Scene};
+use crate::light::Light;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -92,7 +93,7 @@ impl<'a> Walk<'a> {
             Content::Mesh(_) => "mesh",
             Content::Spheres(_) => "spheres",
             Content::Cylinders(_) => "cylinders",
-            Content::Light(_) => return Ok(objects),
+            Content::Light(light) => return Ok(self.visible_light(node, light)),
             Content::Group(children) => {
                 for child in children {
                     objects.append(&self.node(child, depth + 1)?)?;
@@ -113,6 +114,21 @@ impl<'a> Walk<'a> {
         objects.count = 1;
         objects.selected.extend(selected.then_some(0..1));
         Ok(objects)
+    }
+
+    /// The objects that show a light.
+    fn visible_light(&mut self, node: &Node, light: &Light) -> NodeObjects {
+        let mut objects = NodeObjects::default();
+        let Some((kind, count)) = light.visible_objects() else { return objects };
+        *self.kinds.entry(kind).or_default() += count as u32;
+        objects.count = count as u64;
+        let name = node.name.as_ref().or(light.name.as_ref());
+        let selected = match name {
+            Some(name) => (self.selects)(name),
+            None => (self.selects)(&light.visible_name()),
+        };
+        objects.selected.extend((selected && count > 0).then_some(0..count as u64));
+        objects
     }
 
     fn prototype(&mut self, index: u32, depth: usize) -> Result<NodeObjects, TooManyObjects> {

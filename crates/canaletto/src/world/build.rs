@@ -14,6 +14,7 @@ use super::light_meshes::LightMeshes;
 use super::origin::Spans;
 use super::required_spaces::RequiredSpaces;
 use super::reuse::Previous;
+use super::visible_lights::add_visible_lights;
 use super::zones::Zones;
 use crate::light::environment::{Environment, PreparedEnvironment};
 use crate::light::{Light, PreparedLight};
@@ -151,7 +152,7 @@ impl World {
     }
 
     fn lower_here(
-        scene: Scene,
+        mut scene: Scene,
         options: &BuildOptions,
         instancing: InstancingPolicy,
         before: Previous,
@@ -162,6 +163,9 @@ impl World {
                 problem: problem.to_string(),
             })?;
         }
+        let described = scene.materials.len() as u32;
+        add_visible_lights(&mut scene);
+        let light_materials = described..scene.materials.len() as u32;
         let Scene {
             background,
             environment,
@@ -227,6 +231,7 @@ impl World {
             clear_instances,
             shells: shells(&builder.geometries, |geometry| clear[geometry]),
             materials,
+            light_materials,
             objects: builder.objects,
             object_numbers,
             prototype_numbers: builder.prototype_numbers,

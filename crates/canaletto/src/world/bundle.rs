@@ -284,7 +284,7 @@ impl World {
             (rays, local),
             packet_bounds,
             time,
-            |_| true,
+            |number| self.root.instances[number as usize].casts_shadow,
             |number, geometry, part| {
                 let (open, occlusion) = (&mut open[part.range.clone()], &mut occlusion[part.range.clone()]);
                 if self.may_let_light_through(number) {

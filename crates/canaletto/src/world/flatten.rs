@@ -28,20 +28,21 @@ use std::sync::Arc;
 pub(super) struct Place {
     transform: Transform,
     inherited: u32,
+    casts_shadow: bool,
     /// Whether coordinates here are relative to an origin that isn't zero.
     exact: bool,
 }
 
 impl Default for Place {
     fn default() -> Place {
-        Place { transform: Transform::IDENTITY, inherited: NONE, exact: false }
+        Place { transform: Transform::IDENTITY, inherited: NONE, casts_shadow: true, exact: false }
     }
 }
 
 impl Place {
     /// The place whose coordinates are relative to this origin.
     pub(super) fn from(origin: DVec3) -> Place {
-        Place { transform: away_from(origin), inherited: NONE, exact: origin != DVec3::ZERO }
+        Place { transform: away_from(origin), exact: origin != DVec3::ZERO, ..Place::default() }
     }
 }
 
@@ -49,19 +50,27 @@ impl Place {
 #[derive(Clone, Default)]
 pub(super) struct Part {
     object_numbers: ObjectNumbers,
-    shapes: Vec<Shape>,
-    /// The number of the first shape's object.
-    first_object: u64,
-    /// The numbers of the shapes' objects, counted from the first one.
-    shape_objects: Vec<u32>,
-    shape_materials: Vec<u32>,
+    shapes: PartShapes,
+    /// The shapes that cast no shadow.
+    shadowless_shapes: PartShapes,
     instances: Vec<Instance>,
     lights: Vec<Light>,
     moving_lights: Vec<MovingLight>,
     unbounded: Vec<Unbounded>,
 }
 
-/// A part whose single shapes have become one more instance.
+/// Shapes of a part that become one geometry.
+#[derive(Clone, Default)]
+struct PartShapes {
+    shapes: Vec<Shape>,
+    /// The number of the first shape's object.
+    first_object: u64,
+    /// The numbers of the shapes' objects, counted from the first one.
+    objects: Vec<u32>,
+    materials: Vec<u32>,
+}
+
+/// A part whose single shapes have become instances.
 pub(super) struct FinishedPart {
     pub(super) object_numbers: ObjectNumbers,
     pub(super) instances: Vec<Instance>,
@@ -195,7 +204,8 @@ impl Builder {
             .map(Arc::new)?;
         let mut inner = Part { object_numbers: std::mem::take(&mut part.object_numbers), ..Part::default() };
         let origin = self.spans.moving_origin(node);
-        let own = Place { inherited: place.inherited, ..Place::from(origin) };
+        let Place { inherited, casts_shadow, .. } = *place;
+        let own = Place { inherited, casts_shadow, ..Place::from(origin) };
         self.place_still(node, &own, &mut inner, depth)?;
         let FinishedPart { instances, lights, moving_lights, unbounded, object_numbers, .. } =
             self.finish_part(inner)?;
@@ -256,10 +266,12 @@ impl Builder {
             None => NONE,
         };
         let inherited = if own == NONE { place.inherited } else { own };
+        let casts_shadow = place.casts_shadow && node.casts_shadow;
+        let place = &Place { transform, casts_shadow, ..*place };
         match &node.content {
             Content::Shape(shape) => {
                 let object = self.object(node, shape.kind(), part);
-                self.place_shape(shape, &node.rest, object, inherited, &Place { transform, ..*place }, part)
+                self.place_shape(shape, &node.rest, object, inherited, place, part)
             }
             Content::Light(light) => {
                 let light = Light { name: node.name.clone().or(light.name.clone()), ..light.clone() };
@@ -282,25 +294,25 @@ impl Builder {
                 self.object(node, "mesh", part);
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = if moved { None } else { self.place_of(geometry, &transform) };
-                self.geometry_instance(part, geometry, [own, inherited], to_world)
+                self.geometry_instance(part, geometry, [own, inherited], to_world, casts_shadow)
             }
             Content::Spheres(index) => {
                 let object = self.object(node, "spheres", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.spheres_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.geometry_instance(part, geometry, [own, inherited], to_world)
+                self.geometry_instance(part, geometry, [own, inherited], to_world, casts_shadow)
             }
             Content::Cylinders(index) => {
                 let object = self.object(node, "cylinders", part);
                 self.reject_displacement(inherited, object)?;
                 let geometry = self.cylinders_geometry(node, *index, &transform)?;
                 let to_world = self.place_of(geometry, &transform);
-                self.geometry_instance(part, geometry, [own, inherited], to_world)
+                self.geometry_instance(part, geometry, [own, inherited], to_world, casts_shadow)
             }
             Content::Group(children) => {
                 let outer = node.name.clone().map(|name| self.group_name.replace(name));
-                let flattened = self.flatten(children, &Place { transform, inherited, ..*place }, part, depth + 1);
+                let flattened = self.flatten(children, &Place { inherited, ..*place }, part, depth + 1);
                 if let Some(outer) = outer {
                     self.group_name = outer;
                 }
@@ -308,7 +320,8 @@ impl Builder {
             }
             Content::Instance(index) => {
                 let first_object = part.object_numbers.count();
-                self.place_prototype(node, *index, &Placement { transform, own, inherited, first_object }, part, depth)
+                let placement = Placement { transform, own, inherited, first_object, casts_shadow };
+                self.place_prototype(node, *index, &placement, part, depth)
             }
         }
     }
@@ -341,24 +354,26 @@ impl Builder {
         if self.displacement.displaces(material) {
             let mesh =
                 self.displacement.shape(&shape, origin, material).map_err(|problem| self.invalid(object, problem))?;
-            return self.displaced(mesh, object, [NONE, material], &transform, part);
+            return self.displaced(mesh, object, [NONE, material], &transform, place.casts_shadow, part);
         }
         let moved = if transform.is_identity() { Some(shape) } else { shape.transformed(&transform) };
         let number = part.object_numbers.last();
-        if part.shapes.is_empty() {
-            part.first_object = number;
+        let casts_shadow = place.casts_shadow;
+        let shapes = if casts_shadow { &mut part.shapes } else { &mut part.shadowless_shapes };
+        if shapes.shapes.is_empty() {
+            shapes.first_object = number;
         }
-        let among_shapes = u32::try_from(number - part.first_object);
+        let among_shapes = u32::try_from(number - shapes.first_object);
         match moved {
             Some(moved) if moved.bounds().is_none() => {
                 let own = (!stays).then_some((shape, transform));
-                self.unbounded(part, Unbounded { shape: moved, object: number, material, own, origin })?;
+                self.unbounded(part, Unbounded { shape: moved, object: number, material, own, origin, casts_shadow })?;
             }
             Some(moved) if stays && let Ok(among_shapes) = among_shapes => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
-                part.shapes.push(moved);
-                part.shape_objects.push(among_shapes);
-                part.shape_materials.push(material);
+                shapes.shapes.push(moved);
+                shapes.objects.push(among_shapes);
+                shapes.materials.push(material);
             }
             None if shape.bounds().is_none() => return Err(self.invalid(object, out_of_range_message())),
             // The transform would lose the shape's kind or a space that its textures need, or there are more than
@@ -367,7 +382,7 @@ impl Builder {
                 let geometry = self.push(Geometry::shapes(vec![shape], vec![0], vec![material]), object)?;
                 self.set_origin(geometry, origin);
                 let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { to_world, ..Instance::of(geometry, number) })?;
+                self.instance(part, Instance { to_world, casts_shadow, ..Instance::of(geometry, number) })?;
             }
         }
         Ok(())
@@ -389,16 +404,14 @@ impl Builder {
         object: u32,
         [own, inherited]: [u32; 2],
         transform: &Transform,
+        casts_shadow: bool,
         part: &mut Part,
     ) -> Result<(), BuildError> {
         let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
         self.set_origin(geometry, origin);
         let to_world = (!transform.is_identity()).then_some(*transform);
-        self.instance(
-            part,
-            Instance { material: own, inherited, to_world, ..Instance::of(geometry, part.object_numbers.last()) },
-        )
+        self.geometry_instance(part, geometry, [own, inherited], to_world, casts_shadow)
     }
 
     fn place_prototype(
@@ -459,19 +472,21 @@ impl Builder {
             light: light.clone(),
             chain: chain.clone().inside(&transform),
         }));
-        for Unbounded { shape, object, material, own: place, origin: own_origin } in unbounded {
+        for Unbounded { shape, object, material, own: own_place, origin: own_origin, casts_shadow } in unbounded {
             let object = first_object.wrapping_add(*object);
             let moved = shape
                 .transformed(&transform)
                 .ok_or_else(|| self.invalid(self.object_of(object, &part.object_numbers), out_of_range_message()))?;
             let material = or(own, or(*material, inherited));
-            let (place, origin) = match place {
+            let casts_shadow = *casts_shadow && place.casts_shadow;
+            let (own, origin) = match own_place {
                 Some((shape, t)) => (Some((*shape, transform.after(t))), own_origin),
                 None => {
                     ((!self.required_spaces(material).allow(shape, &transform)).then_some((*shape, transform)), origin)
                 }
             };
-            self.unbounded(part, Unbounded { shape: moved, object, material, own: place, origin: *origin })?;
+            let origin = *origin;
+            self.unbounded(part, Unbounded { shape: moved, object, material, own, origin, casts_shadow })?;
         }
         self.finished.insert(index, finished);
         Ok(())
@@ -522,17 +537,19 @@ impl Builder {
         }
     }
 
-    /// Turns a part's single shapes into one more instance.
+    /// Turns a part's single shapes into instances.
     pub(super) fn finish_part(&mut self, part: Part) -> Result<FinishedPart, BuildError> {
-        let Part { object_numbers, shapes, first_object, shape_objects, shape_materials, .. } = part;
-        let Part { mut instances, lights, moving_lights, unbounded, .. } = part;
-        if !shapes.is_empty() {
-            let geometry =
-                Geometry::shapes(shapes, shape_objects, shape_materials).map_err(|e| hierarchy_error("shapes", &e))?;
+        let Part { object_numbers, shapes, shadowless_shapes, mut instances, lights, moving_lights, unbounded } = part;
+        for (list, casts_shadow) in [(shapes, true), (shadowless_shapes, false)] {
+            let PartShapes { shapes, first_object, objects, materials } = list;
+            if shapes.is_empty() {
+                continue;
+            }
+            let geometry = Geometry::shapes(shapes, objects, materials).map_err(|e| hierarchy_error("shapes", &e))?;
             self.geometries.push(geometry);
             self.owners.push(NONE);
             let geometry = self.geometries.len() as u32 - 1;
-            instances.push(Instance::of(geometry, first_object));
+            instances.push(Instance { casts_shadow, ..Instance::of(geometry, first_object) });
         }
         Ok(FinishedPart { object_numbers, instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
     }
@@ -544,9 +561,10 @@ impl Builder {
         geometry: u32,
         [material, inherited]: [u32; 2],
         to_world: Option<Transform>,
+        casts_shadow: bool,
     ) -> Result<(), BuildError> {
         let instance = Instance::of(geometry, part.object_numbers.last());
-        self.instance(part, Instance { material, inherited, to_world, ..instance })
+        self.instance(part, Instance { material, inherited, to_world, casts_shadow, ..instance })
     }
 
     fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {

@@ -28,6 +28,8 @@ pub(super) struct Instance {
     pub(super) to_world: Option<Transform>,
     /// Index into the world's chains if it moves, or [`NONE`].
     pub(super) motion: u32,
+    /// Whether shadow rays meet it. All groups around it must cast shadows, too.
+    pub(super) casts_shadow: bool,
 }
 
 /// The placement of an instance of a prototype.
@@ -40,6 +42,7 @@ pub(super) struct Placement {
     pub(super) inherited: u32,
     /// The number of the copy's first object.
     pub(super) first_object: u64,
+    pub(super) casts_shadow: bool,
 }
 
 /// A shape without bounds, placed in the world.
@@ -55,13 +58,24 @@ pub(super) struct Unbounded {
     pub(super) own: Option<(Shape, Transform)>,
     /// The origin of that shape's coordinates in the object's space.
     pub(super) origin: DVec3,
+    /// Whether shadow rays meet it.
+    pub(super) casts_shadow: bool,
 }
 
 impl Instance {
     /// An instance of a geometry with the identity transform and the geometry's own materials.
     pub(super) fn of(geometry: u32, first_object: u64) -> Instance {
         let (material, inherited) = (NONE, NONE);
-        Instance { geometry, group: NONE, first_object, material, inherited, to_world: None, motion: NONE }
+        Instance {
+            geometry,
+            group: NONE,
+            first_object,
+            material,
+            inherited,
+            to_world: None,
+            motion: NONE,
+            casts_shadow: true,
+        }
     }
 
     /// A group without a placement.
@@ -72,7 +86,10 @@ impl Instance {
     /// This instance as a member of an instance with this placement. All transforms come from here and from
     /// [`Instance::enclose`]. They are composed from the innermost outwards. A member found through a group thus has
     /// the bits of a member of a dissolved prototype.
-    pub(super) fn inside(&self, Placement { transform, own, inherited, first_object }: &Placement) -> Instance {
+    pub(super) fn inside(
+        &self,
+        Placement { transform, own, inherited, first_object, casts_shadow }: &Placement,
+    ) -> Instance {
         let mut placed = *self;
         if self.group != NONE {
             // The group's first placement. The transforms of its members come before it.
@@ -82,6 +99,7 @@ impl Instance {
                 material: *own,
                 inherited: *inherited,
                 first_object: *first_object,
+                casts_shadow: self.casts_shadow && *casts_shadow,
                 ..*self
             };
         }
@@ -89,6 +107,7 @@ impl Instance {
             to_world: Some(*transform),
             material: *own,
             inherited: *inherited,
+            casts_shadow: *casts_shadow,
             ..Instance::of(NONE, *first_object)
         });
         placed
@@ -107,6 +126,7 @@ impl Instance {
         if self.inherited == NONE {
             self.inherited = group.inherited;
         }
+        self.casts_shadow &= group.casts_shadow;
         self.first_object = self.first_object.wrapping_add(group.first_object);
     }
 

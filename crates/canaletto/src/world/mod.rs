@@ -43,6 +43,7 @@ mod shape_list;
 mod shells;
 mod solids;
 mod textured;
+mod visible_lights;
 mod zones;
 
 pub(crate) use body::Body;
@@ -76,6 +77,7 @@ use motion::{MovingLight, TransformChain};
 use object_numbers::ObjectNumbers;
 use shells::Shells;
 use std::collections::HashMap;
+use std::ops::Range;
 use zones::Zones;
 
 /// A scene ready to be traced. Its coordinates are relative to [`World::origin`].
@@ -96,6 +98,8 @@ pub struct World {
     needs_differentials: bool,
     /// All materials; the last one is the default for objects without a material.
     materials: Vec<Material>,
+    /// The indices of the materials that show lights.
+    light_materials: Range<u32>,
     /// The names and kinds of the described objects.
     objects: Vec<Object>,
     /// The numbers of all objects, copies included.

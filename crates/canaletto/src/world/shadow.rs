@@ -177,17 +177,20 @@ impl World {
         let line = DRay::from(&*ray);
         let mut surface = self.surface_without_uv(line, hit);
         let step = differential.map(|s| s.along(&crossing.line, surface.exact, surface.normal));
-        let opacity = self.opacity_at(line, hit, step);
-        probe.blocker(hit, opacity);
-        crossing.passed *= 1.0 - opacity;
+        let mut block = |hit: &Hit| {
+            if self.casts_shadow(hit.instance, hit.primitive) {
+                let opacity = self.opacity_at(line, hit, step);
+                probe.blocker(hit, opacity);
+                crossing.passed *= 1.0 - opacity;
+            }
+        };
+        block(hit);
         self.contacts(&line, hit, &surface, &mut crossing.contacts, |_| {});
         if !crossing.contacts.is_empty() {
             // Coinciding surfaces are crossed with this one.
             surface.error = touching(&surface);
             for contact in &crossing.contacts {
-                let opacity = self.opacity_at(line, &contact.hit, step);
-                probe.blocker(&contact.hit, opacity);
-                crossing.passed *= 1.0 - opacity;
+                block(&contact.hit);
             }
         }
         if crossing.passed < Self::LEAST_PASSED {
@@ -222,7 +225,7 @@ impl World {
         }
         self.nearest(ray, t_max, time, |world, ray, mut best| {
             for (number, instance) in (0..).zip(&world.root.instances) {
-                if world.may_let_light_through(number) {
+                if instance.casts_shadow && world.may_let_light_through(number) {
                     world.try_instance(ray, instance, number, &mut best, Geometry::intersect);
                 }
             }
@@ -236,7 +239,7 @@ impl World {
             bundle,
             time,
             |ray, t_max| self.intersect_clear(ray, t_max, time),
-            |number| self.may_let_light_through(number),
+            |number| self.root.instances[number as usize].casts_shadow && self.may_let_light_through(number),
         );
     }
 
@@ -269,6 +272,9 @@ impl World {
         let mut clear = unbounded == Occlusion::Clear;
         let blocked = unbounded == Occlusion::Opaque || {
             let mut block = |instance: &Instance, number: u32| {
+                if !instance.casts_shadow {
+                    return false;
+                }
                 let geometry = &self.geometries[instance.geometry as usize];
                 let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
                     geometry.occluded(ray, t_max, |primitive| {
@@ -320,8 +326,8 @@ impl World {
     #[inline]
     pub(super) fn occlusion_unbounded(&self, ray: &Ray, t_max: f32) -> Occlusion {
         let mut occlusion = Occlusion::Nothing;
-        for (index, Unbounded { shape, .. }) in (0..).zip(&self.unbounded) {
-            if shape.intersect(ray, t_max).is_some() {
+        for (index, Unbounded { shape, casts_shadow, .. }) in (0..).zip(&self.unbounded) {
+            if *casts_shadow && shape.intersect(ray, t_max).is_some() {
                 if self.is_opaque(Hit::UNBOUNDED, index) {
                     return Occlusion::Opaque;
                 }
@@ -355,6 +361,14 @@ impl World {
             let placed = way.placed(instance);
             ray.enters(&self.bounds_of(&placed), t_max) && block(&placed, number)
         })
+    }
+
+    /// Whether shadow rays meet a primitive.
+    pub(crate) fn casts_shadow(&self, instance: u32, primitive: u32) -> bool {
+        if instance == Hit::UNBOUNDED {
+            return self.unbounded[primitive as usize].casts_shadow;
+        }
+        self.with_instance(instance, |instance| instance.casts_shadow)
     }
 
     /// Whether a primitive lets no light through.

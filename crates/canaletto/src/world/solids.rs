@@ -84,7 +84,8 @@ impl<'w> Solids<'w> {
             Geometry::Cylinders { cloud, .. } => cloud.caps.then_some(primitive)?,
             Geometry::Mesh { .. } => self.shells[placed.geometry as usize].as_ref()?.around(primitive)?.0,
         };
-        self.world.is_opaque(instance, primitive).then_some(SolidId { instance, part })
+        let blocks = self.world.casts_shadow(instance, primitive) && self.world.is_opaque(instance, primitive);
+        blocks.then_some(SolidId { instance, part })
     }
 
     /// Whether light may arrive on the inner side of a solid.

@@ -179,7 +179,9 @@ impl Animator<'_> {
 
     /// Animates the words in the block of a node.
     fn node(&mut self, node: &mut Node, words: &'static NodeSchema) {
-        if let Some(word) = &words.argument {
+        // A name has no keys.
+        let may_move = |word: &&FieldSchema| !(words.transforms && matches!(word.value_type, ValueType::Text));
+        if let Some(word) = words.argument.as_ref().filter(may_move) {
             self.value(node, word);
         }
         let mut at = 0;

@@ -1,6 +1,6 @@
 //! The names of objects, and the objects that instances repeat.
 
-use crate::text::nodes::{INSTANCE, NAME, OF, PROTOTYPE, is_object};
+use crate::text::nodes::{INSTANCE, PROTOTYPE, is_object, name_of, target_of};
 use crate::text::report::Message;
 use crate::text::syntax::{Node, Span};
 use crate::text::validate::Validator;
@@ -47,7 +47,7 @@ impl<'a> Names<'a> {
 
     /// The index of this node itself among the prototypes.
     pub(crate) fn slot_of(&self, node: &Node) -> Option<u32> {
-        let (name, span) = node.text(NAME.name())?;
+        let (name, span) = name_of(node)?;
         self.by_name.get(name).filter(|target| target.span == span)?.slot
     }
 
@@ -59,7 +59,7 @@ impl<'a> Names<'a> {
         if !is_object(&node.name) {
             return;
         }
-        if let Some((name, span)) = node.text(NAME.name()) {
+        if let Some((name, span)) = name_of(node) {
             match self.by_name.get(name) {
                 Some(first) => {
                     let place = validator.files.first(first.span, span);
@@ -75,7 +75,7 @@ impl<'a> Names<'a> {
             // A packed node has no name. It keeps only the properties that name the target of an instance.
             repeated.extend(node.properties.iter().filter_map(|property| property.value.as_text()));
         } else if *node.name == *INSTANCE.schema.name
-            && let Some((of, _)) = node.text(OF.name())
+            && let Some((of, _)) = target_of(node)
         {
             repeated.insert(of);
         }
@@ -100,7 +100,7 @@ impl<'a> Names<'a> {
                 edges.entry(holder).or_default().push((held, span));
             }
         };
-        if let Some((name, span)) = node.text(NAME.name())
+        if let Some((name, span)) = name_of(node)
             && let Some(target) = self.by_name.get_mut(name)
             && target.span == span
             && (repeated.contains(name) || *node.name == *PROTOTYPE.schema.name)
@@ -111,7 +111,7 @@ impl<'a> Names<'a> {
             holder = Some(name);
         }
         if *node.name == *INSTANCE.schema.name
-            && let Some((of, span)) = node.text(OF.name())
+            && let Some((of, span)) = target_of(node)
         {
             note(holder, of, span);
         }

@@ -2,7 +2,7 @@
 
 use super::Decoder;
 use crate::import::is_flat;
-use crate::text::nodes::{self, LIGHT, MATERIAL, NAME, ObjectReader, PROTOTYPE};
+use crate::text::nodes::{self, CASTS_SHADOW, LIGHT, MATERIAL, NAME, ObjectReader, PROTOTYPE};
 use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::syntax::Node;
@@ -35,9 +35,10 @@ impl Decoder<'_> {
             ObjectReader::Content(read) => read(self, &fields, material),
         };
         let name = fields.text(&NAME).map(Into::into);
+        let casts_shadow = fields.get(&CASTS_SHADOW).unwrap_or(true);
         self.valid &= fields.valid;
         let (transform, motion) = (transform.into(), motion.into());
-        let node = scene::Node { name, material, transform, motion, ..scene::Node::new(content?) };
+        let node = scene::Node { name, material, casts_shadow, transform, motion, ..scene::Node::new(content?) };
         Some(node.with_points(&fields.places()))
     }
 

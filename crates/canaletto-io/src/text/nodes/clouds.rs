@@ -1,7 +1,7 @@
 //! The nodes of clouds: numbers in the node, lines of a text, or a file.
 
 use super::shapes::{CAPS, DEFAULT_CAPS};
-use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
+use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::assets::{Asset, AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
 use crate::import::{self, CloudFormat};
@@ -33,8 +33,12 @@ pub(super) static SPHERES: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "spheres",
         "A cloud: many spheres as one object, up to many millions. They stand in `points`, `data` or `file`.",
-        &[&[POINTS.schema, DATA.schema, CLOUD_FILE.schema, RADIUS.schema], &[NAME.schema, MATERIAL.schema]],
+        &[
+            &[POINTS.schema, DATA.schema, CLOUD_FILE.schema, RADIUS.schema],
+            &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema],
+        ],
     )
+    .argument(NAME.schema)
     .transforms()
     .example("spheres radius=1 material=\"blue\" { points 0 0 0  2 0 0  4 0 0 }"),
     read: ObjectReader::Content(|decoder, f, _| decoder.spheres(f)),
@@ -46,9 +50,10 @@ pub(crate) static CYLINDERS: ObjectNode = ObjectNode {
         "A cloud of cylinders. They stand in `axes`, `data` or `file`.",
         &[
             &[AXES.schema, CYLINDER_DATA.schema, CLOUD_FILE.schema, RADIUS.schema, CAPS.schema],
-            &[NAME.schema, MATERIAL.schema],
+            &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema],
         ],
     )
+    .argument(NAME.schema)
     .transforms()
     .example("cylinders radius=0.5 { axes 0 0 0 0 5 0  2 0 0 2 5 0 }"),
     read: ObjectReader::Content(|decoder, f, _| decoder.cylinders(f)),

@@ -1,6 +1,6 @@
 //! The nodes that hold or repeat objects: groups, prototypes and instances.
 
-use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
+use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::schema::{Field, NodeSchema, Text};
@@ -10,11 +10,12 @@ pub(crate) static GROUP: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "group",
         "Objects and lights that move together. Its material holds for what has none of its own.",
-        &[&[NAME.schema, MATERIAL.schema]],
+        &[&[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
+    .argument(NAME.schema)
     .transforms()
     .objects()
-    .example("group name=\"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 } }"),
+    .example("group \"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 } }"),
     read: ObjectReader::Content(|decoder, f, _| Some(Content::Group(decoder.group(f)))),
 };
 
@@ -24,11 +25,12 @@ pub(crate) static PROTOTYPE: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "prototype",
         "A group that isn't drawn itself, only by its instances.",
-        &[&[PROTOTYPE_NAME.schema, MATERIAL.schema]],
+        &[&[PROTOTYPE_NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
+    .argument(PROTOTYPE_NAME.schema)
     .transforms()
     .objects()
-    .example("prototype name=\"ball\" { sphere { center 0 0 0; radius 1 } }"),
+    .example("prototype \"ball\" { sphere { center 0 0 0; radius 1 } }"),
     read: ObjectReader::Content(|decoder, f, _| Some(Content::Group(decoder.group(f)))),
 };
 
@@ -42,10 +44,11 @@ pub(crate) static INSTANCE: ObjectNode = ObjectNode {
         "instance",
         "One more copy of a named object, group or prototype, with the transforms of the original and then its own. Copies \
          cost next to no memory.",
-        &[&[OF.schema], &[NAME.schema, PARTS_MATERIAL.schema]],
+        &[&[OF.schema], &[NAME.schema, PARTS_MATERIAL.schema, CASTS_SHADOW.schema]],
     )
+    .argument(OF.schema)
     .transforms()
-    .example("instance of=\"lamp\" { translate 10 0 0 }"),
+    .example("instance \"lamp\" { translate 10 0 0 }"),
     read: ObjectReader::Content(|decoder, f, _| decoder.instance(f)),
 };
 

@@ -66,8 +66,13 @@ const EMISSION: Field<Emission> = Field::word(
 .or(|| quoted(Emission::default().name()));
 /// Two ways to say how many points shine.
 pub(super) const POINTS_OR_SAMPLES: [&str; 2] = [POINTS.name(), SAMPLES.name()];
+const VISIBLE: Field<bool> = Field::new(
+    "visible",
+    "whether its surface is seen, also in mirrors and through glass: with the colour l, a matte one black from behind; it casts no shadow",
+)
+.or(|| flag(default_light().visible));
 /// The fields of lights with a surface.
-const SURFACE: &[FieldSchema] = &[POINTS.schema, SAMPLES.schema, EMISSION.schema, ATTENUATION.schema];
+const SURFACE: &[FieldSchema] = &[POINTS.schema, SAMPLES.schema, EMISSION.schema, ATTENUATION.schema, VISIBLE.schema];
 
 const fn light_node(
     kind: &'static [&'static str],
@@ -194,7 +199,7 @@ static SPHERE_LIGHT: LightNode = light_node(
 
 static MESH_LIGHT: LightNode = light_node(
     &["mesh"],
-    "Light spread over the triangles of a file, evenly by their area. The light itself is not seen, as no light is.",
+    "Light spread over the triangles of a file, evenly by their area.",
     &[&[FILE.schema], SURFACE, LIGHT_FIELDS],
     "light \"mesh\" file=\"bunny.obj\" { scale 0.1; translate 0 5 0; samples 4; intensity 0.8 }",
     |decoder, f| {
@@ -249,6 +254,7 @@ impl Decoder<'_> {
     fn light_of_surface(&mut self, fields: &Fields, light: &mut Light) {
         light.emission = fields.word(&EMISSION).unwrap_or(light.emission);
         light.samples = fields.get(&SAMPLES).unwrap_or(light.samples);
+        light.visible = fields.get(&VISIBLE).unwrap_or(light.visible);
         self.either(fields, &POINTS, &SAMPLES);
         if fields.get(&SAMPLES) == Some(0) {
             self.out_of_range(fields, &OutOfRange::new(SAMPLES.name(), "is 0; it must be between 1 and 4096"));

@@ -1,7 +1,7 @@
 //! The node of meshes from files. Nodes that name one file share its triangles.
 
 use super::shapes::ONE_SIDED;
-use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
+use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::diagnostic::{Diagnostics, Severity};
 use crate::import;
 use crate::text::decode::Decoder;
@@ -25,8 +25,9 @@ pub(super) static MESH: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "mesh",
         "Triangles from a file: OBJ (with its MTL materials) or PLY. A material given here replaces the file's own.",
-        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema]],
+        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
+    .argument(NAME.schema)
     .transforms()
     .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }"),
     read: ObjectReader::Content(|decoder, f, material| {

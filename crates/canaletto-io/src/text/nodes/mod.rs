@@ -40,9 +40,9 @@ use super::closest_word::closest_word;
 use super::decode::{Decoder, TransformReader};
 use super::reader::Fields;
 use super::report::Message;
-use super::schema::{Field, FieldSchema, NodeSchema, Text, ValueType, quoted};
+use super::schema::{Field, FieldSchema, NodeSchema, Text, ValueType, flag, quoted};
 use super::suggest::SYNONYMS;
-use super::syntax::Node;
+use super::syntax::{Node, Span};
 use canaletto::scene::Content;
 use canaletto::shape::Shape;
 
@@ -120,6 +120,13 @@ pub(crate) const NAME: Field<Text> = Field::text("name", "its name, for instance
 /// The material of an object.
 pub(crate) const MATERIAL: Field<Text> = Field::text("material", "the material's name").or(|| "its group's".into());
 
+/// Whether shadow rays meet an object.
+pub(crate) const CASTS_SHADOW: Field<bool> = Field::new(
+    "casts-shadow",
+    "#false lets light pass: the object is seen, also in mirrors and through glass, but casts no shadow",
+)
+.or(|| flag(true));
+
 const INCLUDE_FILE: Field<Text> = Field::text("file", "the file; relative paths start at this file's folder").needed();
 
 /// The nodes of another file.
@@ -131,6 +138,24 @@ pub(crate) static INCLUDE: NodeSchema =
 /// Fields that exclude each other in a node: setting one removes the other.
 pub(crate) const ALTERNATIVES: [[&str; 2]; 4] =
     [lights::POINTS_OR_SAMPLES, film::SAMPLE_OR_SAMPLES, lights::INNER_OR_EXPONENT, camera::EYE_OR_FOLLOW];
+
+/// The name of an object or light, and its place. The name of a light is a property, since its kind stands after the
+/// word; so is that of an instance, since its target does.
+pub(crate) fn name_of(node: &Node) -> Option<(&str, Span)> {
+    let named = node.values.first().filter(|_| object(&node.name).is_some_and(|object| has_name_first(&object.schema)));
+    named.and_then(|value| Some((value.as_text()?, value.span))).or_else(|| node.text(NAME.name()))
+}
+
+/// The name of what an instance repeats, and its place.
+pub(crate) fn target_of(node: &Node) -> Option<(&str, Span)> {
+    let first = node.values.first().and_then(|value| Some((value.as_text()?, value.span)));
+    first.or_else(|| node.text(OF.name()))
+}
+
+/// Whether the value after the word is the node's own name.
+pub(crate) fn has_name_first(schema: &NodeSchema) -> bool {
+    schema.argument.is_some_and(|argument| argument.name == NAME.name())
+}
 
 /// The names of the nodes that are allowed in a group.
 pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
@@ -170,7 +195,7 @@ pub(super) fn setting(name: &str) -> Option<&'static SettingNode> {
 }
 
 /// The object of this name, except lights.
-pub(super) fn object(name: &str) -> Option<&'static ObjectNode> {
+pub(crate) fn object(name: &str) -> Option<&'static ObjectNode> {
     OBJECTS.iter().find(|object| object.schema.name == name).copied()
 }
 
@@ -207,7 +232,7 @@ pub(crate) fn field(schema: &'static NodeSchema, name: &str) -> Option<&'static 
 
 /// Every word that is allowed in a node of this schema.
 pub(crate) fn allowed(schema: &'static NodeSchema) -> Vec<&'static str> {
-    let mut all: Vec<&str> = schema.own().map(|word| word.name).collect();
+    let mut all: Vec<&str> = schema.beside_argument().map(|word| word.name).collect();
     if schema.transforms {
         all.extend(TRANSFORMS.iter().map(|transform| transform.schema.name));
         all.extend(may_move(schema).then_some(MOTION.name));

@@ -1,12 +1,12 @@
 //! The nodes of shapes.
 
-use super::{MATERIAL, NAME, ObjectNode, ObjectReader};
+use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::text::reader::Fields;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag};
 use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
 use glam::Vec3;
 
-const OBJECT: &[FieldSchema] = &[NAME.schema, MATERIAL.schema];
+const OBJECT: &[FieldSchema] = &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema];
 
 const CENTER: Field<Vec3> = Field::new("center", "its centre").needed().places();
 const RADIUS: Field<f32> = Field::new("radius", "its radius, more than 0").needed();
@@ -19,7 +19,7 @@ pub(super) const ONE_SIDED: Field<bool> =
     Field::new("one-sided", "whether rays from behind pass through").or(|| flag(false));
 
 const fn shape(schema: NodeSchema, read: fn(&Fields) -> Option<Shape>) -> ObjectNode {
-    ObjectNode { schema: schema.transforms(), read: ObjectReader::Shape(read) }
+    ObjectNode { schema: schema.argument(NAME.schema).transforms(), read: ObjectReader::Shape(read) }
 }
 
 pub(super) static SPHERE: ObjectNode = shape(

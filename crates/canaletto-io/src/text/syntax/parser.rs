@@ -37,7 +37,8 @@ const MANY: usize = 1024;
 fn is_plain(node: &Node) -> bool {
     let known = nodes::is_small(&node.name)
         || *node.name == *MATERIAL_NODE.name && matches!(node.values.as_slice(), [name] if name.as_text().is_some());
-    let named = node.properties.iter().any(|property| *property.key == *NAME.name());
+    let named = node.properties.iter().any(|property| *property.key == *NAME.name())
+        || !node.values.is_empty() && nodes::object(&node.name).is_some_and(|o| nodes::has_name_first(&o.schema));
     let said = |child: &Node| {
         let apart = [NAME.name(), OF.name(), KEY, FOLLOW.name, EASE.name(), TURN.name()].contains(&&*child.name);
         !(apart || child.broken) && child.children.is_empty()

@@ -78,6 +78,10 @@ impl Node {
     pub(crate) fn pack(&mut self) {
         self.packed = Some(NonZeroU8::MIN);
         self.children = Vec::new();
+        if *self.name == *INSTANCE.schema.name {
+            let target = |value: Value| Property { key: OF.name().into(), key_span: value.span, value };
+            self.properties.extend(self.values.drain(..).map(target));
+        }
         self.values.retain(|_| *self.name == *MATERIAL_NODE.name);
         self.values.shrink_to_fit();
         self.properties.retain(|property| *property.key == *OF.name());

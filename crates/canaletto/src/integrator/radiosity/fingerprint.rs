@@ -218,7 +218,7 @@ impl Bodies {
     }
 
     fn node(&mut self, prototypes: &[Node], node: &Node, depth: usize) -> NodeHashes {
-        let Node { name: _, material, transform, motion, content, rest } = node;
+        let Node { name: _, material, casts_shadow, transform, motion, content, rest } = node;
         let body = |kind: &str, number: u32, hashes: &[u64]| {
             let geometry = of_debug(&(kind, number, hashes.get(number as usize))).finish();
             NodeHashes { geometry: Some(geometry), assignment: Some(0), lights: None }
@@ -231,14 +231,17 @@ impl Bodies {
             Content::Mesh(number) => body("mesh", *number, &self.meshes),
             Content::Spheres(number) => body("spheres", *number, &self.spheres),
             Content::Cylinders(number) => body("cylinders", *number, &self.cylinders),
-            Content::Light(Light { name: _, intensity, shadows, attenuation, samples, emission, kind }) => {
+            Content::Light(Light { name: _, intensity, shadows, attenuation, samples, emission, visible: _, kind }) => {
                 let light = of_debug(&(intensity, shadows, attenuation, samples, emission, kind)).finish();
                 NodeHashes { geometry: None, assignment: None, lights: Some(light) }
             }
             Content::Group(children) => self.nodes(prototypes, children, depth + 1),
             Content::Instance(number) => self.prototype(prototypes, *number as usize, depth + 1),
         };
-        let place = of_debug(&(transform, motion, rest)).finish();
+        let place = match casts_shadow {
+            true => of_debug(&(transform, motion, rest)).finish(),
+            false => of_debug(&(transform, motion, rest, "no shadow")).finish(),
+        };
         let around = |outer: u64| {
             move |inner: u64| {
                 let mut hash = WordHash::seeded(inner);

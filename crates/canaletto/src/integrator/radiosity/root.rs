@@ -92,10 +92,13 @@ impl Root {
     }
 }
 
-/// The facets of a world. Curved surfaces are tessellated to a tolerance, a length. A scene's planes count inside its
-/// bounds grown by their diagonal on each side.
+/// The facets of a world, without the surfaces that show lights. Curved surfaces are tessellated to a tolerance, a
+/// length. A scene's planes count inside its bounds grown by their diagonal on each side.
 pub(super) fn facets(world: &World, tolerance: f64, limit: usize) -> Result<Vec<Facet>, RadiosityError> {
-    world.facets(tolerance, &plane_bounds(world), limit).map_err(|_| RadiosityError::TooManyPatches { limit })
+    let facets = world.facets(tolerance, &plane_bounds(world), limit);
+    let mut facets = facets.map_err(|_| RadiosityError::TooManyPatches { limit })?;
+    facets.retain(|facet| !world.is_of_light(facet.material));
+    Ok(facets)
 }
 
 /// The solids of a world. Those with a light inside are hollow.

@@ -13,7 +13,8 @@ use super::unshaded_view::UnshadedView;
 use crate::integrator::whitted::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
 use crate::material::Material;
-use crate::world::World;
+use crate::shape::Shape;
+use crate::world::{Hit, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 use std::ops::ControlFlow;
@@ -115,7 +116,7 @@ fn draw(
         compares_curves: false,
         with_unbounded: false,
         is_drawn: casts_shadows,
-        is_seen: &|_| true,
+        is_seen: &|triangle| world.casts_shadow(triangle.source.instance, triangle.source.primitive),
         least_coverage: &|_, _| 0.5,
     };
     let tiles = view.draw(cancelled, |tile| (tile.corner, tile.size, tile.visibility.depths().to_vec()))?;
@@ -170,7 +171,10 @@ impl ShadowMap {
 impl ShadowLookup for ShadowMaps<'_> {
     fn passed(&self, light: u32, [start, to]: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32 {
         let ray = Ray::new(start, to);
-        if self.world.unbounded_shapes().any(|shape| shape.intersect(&ray, t_max).is_some()) {
+        let blocks = |(number, shape): (u32, &Shape)| {
+            self.world.casts_shadow(Hit::UNBOUNDED, number) && shape.intersect(&ray, t_max).is_some()
+        };
+        if (0..).zip(self.world.unbounded_shapes()).any(blocks) {
             return 0.0;
         }
         let maps = &self.lights[light as usize];
