@@ -25,6 +25,7 @@ mod omissions;
 mod output;
 mod output_format;
 mod partial;
+mod picture_file;
 mod progress;
 mod report;
 mod sampling_progress;

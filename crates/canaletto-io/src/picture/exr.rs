@@ -39,7 +39,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
         encode_image: |image, _, settings, texts| encode_exr(image, ExrOptions::from(settings), texts),
         stored_bits: |settings, channels| {
             let options = ExrOptions::from(settings);
-            if channels.iter().all(|name| kind(name, options) == Kind::Half) { 16 } else { 32 }
+            bits(channels.iter().map(|name| (name.as_str(), kind(name, options) == Kind::Half)))
         },
         write_rows: Some(|rendered, settings, texts, out, goes_on| {
             let picture = rendered.picture;
@@ -50,6 +50,15 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
         }),
     }),
 };
+
+/// The number of bits of colours, or of the widest channel where there are none. Channels are named, and are half floats
+/// or not.
+fn bits<'a>(channels: impl Iterator<Item = (&'a str, bool)> + Clone) -> u8 {
+    let is_color = |channel: &(&str, bool)| ["R", "G", "B", "Y"].contains(&channel.0);
+    let has_colors = channels.clone().any(|channel| is_color(&channel));
+    let mut counted = channels.filter(|channel| !has_colors || is_color(channel));
+    if counted.all(|(_, is_half)| is_half) { 16 } else { 32 }
+}
 
 impl From<&EncodeSettings> for ExrOptions {
     fn from(settings: &EncodeSettings) -> ExrOptions {
@@ -227,7 +236,7 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let mut image = Image { width: width as u32, height: height as u32, channels: Vec::new() };
     let mut left_out = Vec::new();
     let mut metadata = Vec::new();
-    let mut bits = 16;
+    let mut are_half = Vec::new();
     for (number, header) in file.parts().iter().enumerate() {
         let attributes = &header.own_attributes;
         let part = attributes.layer_name.as_ref().map_or_else(|| number.to_string(), from_utf8);
@@ -247,7 +256,7 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
             let name = from_utf8(&channel.name);
             let prefixed = name.strip_prefix(&part).is_some_and(|rest| rest.starts_with('.'));
             let name = if many && number != main && !prefixed { format!("{part}.{name}") } else { name };
-            bits = bits.max(if channel.sample_type == SampleType::F16 { 16 } else { 32 });
+            are_half.push(channel.sample_type == SampleType::F16);
             image.channels.push(Channel::new(name, zeros(width * height)?));
         }
         let all: Vec<usize> = (0..list.len()).collect();
@@ -275,6 +284,7 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     }
     metadata.sort();
     check(&image)?;
+    let bits = bits(image.channels.iter().map(|channel| channel.name.as_str()).zip(are_half));
     Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata, window, left_out, display_referred: false })
 }
 

@@ -115,7 +115,7 @@ pub struct Decoded {
     /// The picture: values from 0 to 1 as stored in a PNG (without decoding of the transfer curve), or any values of an
     /// EXR.
     pub image: Image,
-    /// The number of bits of each value in the file.
+    /// The number of bits of each colour in the file; without colours, of the widest channel.
     pub bits: u8,
     /// The transfer curve of the values, if the file declares it. EXR is linear.
     pub transfer: Option<Transfer>,

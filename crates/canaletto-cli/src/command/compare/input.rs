@@ -1,13 +1,12 @@
 //! The input pictures of a comparison.
 
 use crate::exit::Exit;
-use crate::failure::{Failure, reason};
+use crate::failure::Failure;
+use crate::picture_file::read_picture;
 use crate::settings::list;
 use canaletto::scene::Transfer;
-use canaletto_io::picture::{Decoded, Image, PictureError, decode, decode_srgb, encode_srgb};
+use canaletto_io::picture::{Decoded, Image, decode_srgb, encode_srgb};
 use canaletto_io::text::closest_word;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 /// A picture from a file.
@@ -17,26 +16,9 @@ pub(super) struct Input {
     pub(super) is_raw: bool,
 }
 
-/// The size limit for a picture file, in bytes. The largest picture needs less.
-const MAX_FILE: u64 = 8 << 30;
-
 /// Reads a picture and chooses the layer to compare: its own colours, or its only layer.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
-    let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
-    let mut file = File::open(path).map_err(|e| failed(reason(&e)))?;
-    // The first bytes identify the format before memory is allocated for the rest. The file may be a pipe or an endless
-    // device.
-    let mut bytes = Vec::new();
-    file.by_ref().take(16).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
-    if let Err(e @ PictureError::Unknown) = decode(&bytes) {
-        return Err(failed(e.to_string()));
-    }
-    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| failed(reason(&e)))?;
-    if bytes.len() as u64 > MAX_FILE {
-        return Err(failed(format!("it is larger than {}", crate::format::bytes(MAX_FILE))));
-    }
-    let decoded = decode(&bytes).map_err(|e| failed(e.to_string()))?;
-    drop(bytes);
+    let decoded = read_picture(path)?;
     let layer = match layer {
         None if decoded.image.rgb().is_some() => return Ok(Input { decoded, is_raw: false }),
         None => decoded.main_layer().ok_or_else(|| no_colors(path, &decoded))?,

@@ -1,4 +1,7 @@
-//! `canaletto info`: a summary of a scene.
+//! `canaletto info`: a summary of a scene, a model or a picture.
+
+mod picture;
+mod recipe;
 
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
@@ -6,6 +9,7 @@ use crate::flags::SourceFlags;
 use crate::format::{JSON_VERSION, bytes, count, duration, plural, short};
 use crate::memory::Memory;
 use crate::output_format::Format;
+use crate::picture_file::picture_format;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
@@ -14,10 +18,14 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::scene::View;
 use canaletto::world::{World, WorldStats};
 use clap::Args;
+use picture::print_picture;
 use serde_json::json;
 use std::time::Duration;
 
-/// Prints what a scene or model consists of: files, counts, bounds, memory, cameras, lights and materials.
+/// Prints what a scene, a model or a picture consists of.
+///
+/// Of a scene or model: files, counts, bounds, memory, cameras, lights and materials. Of a picture: its format, the
+/// settings in its file, and the command that makes it again.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct InfoFlags {
@@ -37,7 +45,9 @@ const EXAMPLES: &str = "\
 Examples:
   canaletto info bunny.ply
   canaletto info hall.ply --build high             # memory and time of BVHs of high quality
-  canaletto info shot.kdl --json | jq .census.primitives";
+  canaletto info shot.kdl --json | jq .census.primitives
+  canaletto info shot.png                          # its settings, and the command that makes it again
+  canaletto info shot.png --json | jq -r '.command | @sh' | sh   # makes it again";
 
 /// The content of the summary.
 struct Info {
@@ -54,6 +64,14 @@ struct Info {
 
 /// Runs the command.
 pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
+    if let Some(format) = picture_format(&flags.source.scene) {
+        let given = [(!flags.source.set.is_empty(), "--set"), (flags.frame.is_some(), "--frame")];
+        if let Some((_, flag)) = given.iter().find(|(given, _)| *given) {
+            return Err(Failure::usage(format!("{flag}: {} is a picture", flags.source.scene.display())));
+        }
+        print_picture(&flags.source.scene, format, flags.json)?;
+        return Ok(Exit::Done);
+    }
     let info = on_threads(flags.source.threads, || {
         let source = Source::read(&flags.source, flags.frame)?;
         print_diagnostics(&source.warnings, false);
