@@ -1,5 +1,6 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
+use crate::watch::ReadLog;
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::scene::{Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
@@ -51,6 +52,10 @@ pub(crate) struct SourceFlags {
     /// for very many rays and the same meshes.
     #[arg(long, value_name = "QUALITY", default_value = "medium", help_heading = "Scene")]
     pub build: BuildFlag,
+
+    /// The files that are read.
+    #[arg(skip)]
+    pub log: ReadLog,
 }
 
 impl SourceFlags {

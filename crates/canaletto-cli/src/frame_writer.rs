@@ -7,6 +7,7 @@ use crate::interrupt;
 use crate::layers;
 use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
+use crate::preview::{Preview, enlarged};
 use crate::progress::Style;
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
@@ -49,6 +50,23 @@ impl<'a> FrameWriter<'a> {
             self.encode(frame, |index, bytes| plan.output.write(&files[index], bytes))?;
         }
         Ok(files.iter().map(|file| file.display().to_string()).collect())
+    }
+
+    /// Writes a coarse picture in the place of the whole one; returns its name.
+    pub(crate) fn write_preview(&self, frame: &FramePicture<'_>, preview: &Preview) -> Result<String, Failure> {
+        let (job, output) = (frame.job, &self.plan.output);
+        let file = output.path(job.frame);
+        let Some(format) = output.format.picture() else { return Ok(file.display().to_string()) };
+        let [_, _, width, height] = job.window();
+        let picture = enlarged(&frame.rendering.picture, [width, height]);
+        let mut texts = texts(frame.texts, job, None);
+        let block = preview.block;
+        texts.push((UNFINISHED.into(), format!("a preview with one ray for {block} x {block} pixels")));
+        let settings = EncodeSettings { compression: Compression::Fast, ..self.settings(frame) };
+        let rendered = Rendered { picture: &picture, film: &job.film };
+        let bytes = format.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))?;
+        output.write(&file, &bytes)?;
+        Ok(file.display().to_string())
     }
 
     /// Writes a partial picture and its layers beside their files; returns the names.

@@ -5,7 +5,7 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{fs, process, thread};
@@ -17,6 +17,9 @@ static FIRST: OnceLock<Instant> = OnceLock::new();
 static PHASE: AtomicU8 = AtomicU8::new(IDLE);
 /// A temporary file of another program, which would remain after this program ends.
 static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// Whether a file that the render reads has changed, so that its picture isn't wanted any more.
+static OUTDATED: AtomicBool = AtomicBool::new(false);
 
 /// There is nothing to save.
 const IDLE: u8 = 0;
@@ -75,6 +78,26 @@ fn exit_now(json: bool) -> ! {
 /// Whether a signal has arrived.
 pub(crate) fn requested() -> bool {
     SIGNALS.load(Ordering::Relaxed) > 0
+}
+
+/// Stops a render whose files have changed. Nothing of it is saved.
+pub(crate) fn outdate() {
+    OUTDATED.store(true, Ordering::Relaxed);
+}
+
+/// Whether [`outdate`] was called since [`renew`].
+pub(crate) fn is_outdated() -> bool {
+    OUTDATED.load(Ordering::Relaxed)
+}
+
+/// Lets the next render run.
+pub(crate) fn renew() {
+    OUTDATED.store(false, Ordering::Relaxed);
+}
+
+/// Whether a render must stop: after a signal, or since its files have changed.
+pub(crate) fn stops() -> bool {
+    requested() || is_outdated()
 }
 
 /// Whether there is time to save more of a picture.

@@ -26,6 +26,7 @@ mod output;
 mod output_format;
 mod partial;
 mod picture_file;
+mod preview;
 mod progress;
 mod report;
 mod sampling_progress;
@@ -36,6 +37,7 @@ mod solutions;
 mod source;
 mod stdout;
 mod terminal;
+mod watch;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};

@@ -28,10 +28,12 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `solving` | radiosity is solved: in each new phase, and at most five times a second | `frame`, `phase` (`patches`, `lights`, `links`, `balance`, `shooting`), `patches`, `links`, `seconds`; `round` and `rounds` of `links`, `bounce` of `balance`, `step` and `unsent` (the share of the light) of `shooting` |
 | `step` | a picture of `--shooting-steps` is written | `step`, `unsent`, `file` |
+| `preview` | a coarse picture of `--preview` is written | `frame`, `block` (the side of its blocks of pixels), `file` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all` |
 | `done` | a frame is written | `frame`, `complete` (false if interrupted: `files` are parts then), `pixels_done`, `pixels`, `files`, `size`, `primitives`, `hierarchies`: BVHs of meshes and clouds (`kept` from the frame before, `refitted`, `built`), `solution` of radiosity (`solved`, `kept` from another frame, `read`), `rays` (by kind: `traced`, `hit`), `rays_total`, `rays_per_second`, `threads`, `seconds` (`read`, `build`, `render`, `write`) |
 | `interrupted` | a film was stopped; its frames so far are kept in a file beside it | `frames`: their number, `files` |
 | `finished` | all frames of `--frames` are complete | `frames`, `rendered`, `skipped`, `solves` (of radiosity), `seconds` |
+| `watching` | with `--watch`, after each render; the next events are those of the next render | `files`: the number of files that are watched |
 | `baked` | `bake` has written its files | `files`, `patches`, `triangles`, `charts`, `size` (of the light map), `texels_per_unit`, `coarse` (texels are larger than half a patch), `patch_limit_reached`, `clipped_planes`, `seconds` |
 | `error` | something failed; the last line | `exit`: the exit code, and `message` and `help`, or `diagnostics` |
 

@@ -215,7 +215,7 @@ const TEMPLATE: &str = "{prefix}[{bar:30}] {percent:>3}%  {msg}";
 
 impl Observer for ProgressDisplay {
     fn cancelled(&self) -> bool {
-        interrupt::requested()
+        interrupt::stops()
     }
 
     fn solving(&self, progress: &SolvingProgress) {

@@ -9,6 +9,7 @@ use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::frame_writer::{FramePicture, FrameWriter};
 use crate::interrupt;
 use crate::omissions::{doubt_omissions, shortfalls};
+use crate::preview::{Preview, previews};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
 use crate::settings::{Settings, metadata, sampling_words};
@@ -50,6 +51,7 @@ struct FrameContext {
     /// The text entries of the files.
     texts: Vec<(String, String)>,
     times: Times,
+    previews: Vec<Preview>,
     scene: Option<Scene>,
     world: Option<World>,
     /// The world of the previously rendered frame, whose hierarchies this frame may reuse.
@@ -106,6 +108,9 @@ impl<'a> Series<'a> {
         let moves = self.reader.timeline().moves;
         let mut frame_context = self.frame_context(first)?;
         for frame in self.plan.frames.iter() {
+            if interrupt::is_outdated() {
+                return Ok(Exit::Interrupted);
+            }
             if interrupt::requested() {
                 return self.interrupted(None);
             }
@@ -136,6 +141,9 @@ impl<'a> Series<'a> {
             if whole {
                 self.rendered += 1;
                 self.spent += begun.elapsed().saturating_sub(self.first_solve(&report));
+            }
+            if !report.complete && interrupt::is_outdated() {
+                return Ok(Exit::Interrupted);
             }
             self.tell(&report, &frame_context.job);
             if !report.complete {
@@ -168,6 +176,10 @@ impl<'a> Series<'a> {
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.set);
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         }
+        let previews = match self.flags.preview {
+            true => previews(&source.name, &source.scene, &self.flags.picture, &job),
+            false => Vec::new(),
+        };
         let times = Times { read: source.time.as_secs_f64(), ..Times::default() };
         Ok(FrameContext {
             camera: settings.camera,
@@ -175,6 +187,7 @@ impl<'a> Series<'a> {
             job,
             texts,
             times,
+            previews,
             scene: Some(source.scene),
             world: None,
             before: None,
@@ -228,18 +241,20 @@ impl<'a> Series<'a> {
         } else {
             String::new()
         };
-        let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         interrupt::Rendering::begins();
+        let first_solution = self.previews(frame_context, world, &job)?;
+        let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         let rendered = self.rendering(frame_context, world, &job, &watch);
         let render = watch.finish().as_secs_f64();
         let (rendering, solution) = rendered?;
+        let solution = first_solution.or(solution);
         self.tell_of_solves(solution);
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
         let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &frame_context.texts };
         let files = if rendering.complete {
             self.writer.write(&frame_picture)?
-        } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() {
+        } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
             self.writer.write_part(&frame_picture)?
         } else {
             Vec::new() // A black picture is worthless, and a film has whole frames.
@@ -264,6 +279,38 @@ impl<'a> Series<'a> {
             seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
         Ok(RenderedFrame { whole: report.complete, report })
+    }
+
+    /// Writes the previews of a frame. Returns where the solution comes from, if radiosity makes them.
+    fn previews(
+        &mut self,
+        frame_context: &FrameContext,
+        world: &World,
+        job: &Job,
+    ) -> Result<Option<SolutionSource>, Failure> {
+        let mut source = None;
+        for preview in &frame_context.previews {
+            let ([_, _, width, height], block) = (preview.job.window(), preview.block);
+            let style = if self.plan.style == Style::Json { Style::Silent } else { self.plan.style };
+            let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
+            let (label, pixels) = (format!("preview 1/{block}  "), u64::from(width) * u64::from(height));
+            let watch = ProgressDisplay::begin(style, job.frame, label, pixels, whole);
+            let coarse = Job { frame: job.frame, ..preview.job.clone() };
+            let rendered = self.rendering(frame_context, world, &coarse, &watch);
+            watch.finish();
+            let (rendering, solution) = rendered?;
+            source = source.or(solution);
+            if !rendering.complete {
+                break;
+            }
+            let texts = &frame_context.texts;
+            let file =
+                self.writer.write_preview(&FramePicture { world, job, rendering: &rendering, texts }, preview)?;
+            if self.plan.style == Style::Json {
+                emit(&json!({ "event": "preview", "frame": job.frame, "block": block, "file": file }));
+            }
+        }
+        Ok(source)
     }
 
     /// Makes the picture of a frame, with its solution if radiosity makes it.

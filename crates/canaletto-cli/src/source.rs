@@ -5,6 +5,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use crate::inputs::InputGuard;
+use crate::watch::ReadLog;
 use canaletto::scene::{Integrator, Scene};
 use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto::{Named, WordHash, memory};
@@ -77,11 +78,16 @@ impl Reader {
     pub(crate) fn open(flags: &SourceFlags, integrator: Option<Integrator>) -> Result<Reader, Failure> {
         let mut set = flags.set.clone();
         set.extend(integrator.map(|integrator| format!("integrator={}", integrator.name())));
-        Reader::open_file(&flags.scene, &set, flags.allow_outside)
+        Reader::open_file(&flags.scene, &set, flags.allow_outside, &flags.log)
     }
 
-    /// Opens a file; `set` changes its values.
-    pub(crate) fn open_file(path: &Path, set: &[String], allow_outside: bool) -> Result<Reader, Failure> {
+    /// Opens a file; `set` changes its values, and `log` notes every file that is read.
+    pub(crate) fn open_file(
+        path: &Path,
+        set: &[String],
+        allow_outside: bool,
+        log: &ReadLog,
+    ) -> Result<Reader, Failure> {
         let start = Instant::now();
         memory::working_at("reading the scene");
         if path == Path::new(STDIN) {
@@ -89,6 +95,7 @@ impl Reader {
         }
         let name = path.to_string_lossy().into_owned();
         if let Err(e) = path.metadata() {
+            log.note(path.to_owned());
             return Err(missing(path, &e));
         }
         if path.is_dir() {
@@ -98,7 +105,7 @@ impl Reader {
         }
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
-        let assets = RecordingAssets { inner: assets.allow_outside(allow_outside), files: Mutex::default() };
+        let assets = RecordingAssets::new(assets.allow_outside(allow_outside), log);
         let source = source::open(&file, &assets, set).map_err(|error| match error {
             OpenError::Mistakes(mistakes) => mistakes.into(),
             OpenError::UnknownFormat => {
@@ -117,7 +124,7 @@ impl Reader {
                 .help("send a scene text to it: canaletto render - < scene.kdl"));
         }
         let folder = FolderAssets::new(".").map_err(|e| cant(&e))?;
-        let assets = RecordingAssets { inner: folder.allow_outside(allow_outside), files: Mutex::default() };
+        let assets = RecordingAssets::new(folder.allow_outside(allow_outside), &ReadLog::default());
         let mut bytes = Vec::new();
         io::stdin().lock().take(MAX_TEXT as u64 + 1).read_to_end(&mut bytes).map_err(|e| cant(&e))?;
         let text = match String::from_utf8(bytes) {
@@ -303,9 +310,14 @@ fn has_room() -> bool {
 struct RecordingAssets {
     inner: FolderAssets,
     files: Mutex<Vec<UsedFile>>,
+    log: ReadLog,
 }
 
 impl RecordingAssets {
+    fn new(inner: FolderAssets, log: &ReadLog) -> RecordingAssets {
+        RecordingAssets { inner, files: Mutex::default(), log: log.clone() }
+    }
+
     /// Records a file. `hash` is called only for a file that isn't recorded yet.
     fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
@@ -319,6 +331,7 @@ impl RecordingAssets {
 
 impl Assets for RecordingAssets {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
+        self.log.note(self.inner.system_path(path, from));
         let asset = self.inner.read(path, from)?;
         self.note(&asset.path, asset.bytes.len(), || Ok(hash_of(&asset.bytes)))
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
@@ -326,6 +339,7 @@ impl Assets for RecordingAssets {
     }
 
     fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
+        self.log.note(self.inner.system_path(path, from));
         let asset = self.inner.open(path, from)?;
         let view = asset.content.view();
         let hash = || {

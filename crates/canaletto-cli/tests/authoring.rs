@@ -4,7 +4,8 @@ use canaletto_io::picture::{Decoded, decode};
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"
 camera { eye 0 2 6; center 0 0 0; fovy 40; size 24 16 }
@@ -155,4 +156,163 @@ fn former_names_are_understood() {
     assert!(fs::read(folder.path("old.png")).unwrap() == fs::read(folder.path("new.png")).unwrap());
     assert!(!folder.says("render --help", 0, &["--pattern"]).contains("--sample "));
     folder.says("render s.kdl --samples sobol", 2, &["--sampler sobol"]);
+}
+
+/// What `info` says of a picture makes equal bytes, whatever its settings are.
+#[test]
+fn a_picture_tells_how_it_is_made_again() {
+    let folder = Folder::new();
+    folder.write("name with $.kdl", SCENE);
+    folder.write("moves.kdl", &SCENE.replace("radius 1 }", "radius 1; translate { key 0  0 0 0; key 2  2 0 0 } }"));
+    let bin = PathBuf::from(env!("CARGO_BIN_EXE_canaletto"));
+    let path = std::env::join_paths([bin.parent().unwrap().to_owned(), "/usr/bin".into(), "/bin".into()]).unwrap();
+    for (scene, flags) in [
+        ("s.kdl", "-o s.png"),
+        ("name with $.kdl", "-o it's.png --size 50% --pattern adaptive --samples 16 --seed 7 --no-shadows"),
+        ("s.kdl", "-o s.exr --bits 16 --aov depth,normal --samples 5 --sampler jittered --crop 1,2,9,8"),
+        ("s.kdl", "-o z.png --integrator zbuffer --set integrator.shadows=none --set background=1|0|0.5"),
+        ("s.kdl", "-o deep.png --bits 16 --stage specular --max-depth 2 --tone scale --transfer none --pattern corner"),
+        ("s.kdl", "-o layers.png --aov depth"),
+        ("a.obj", "-o a.png --size 5% --set material.red.kd=0|1|0 --set light.key.points=2"),
+        ("moves.kdl", "-o m.####.png --frames 1-2 --samples 2"),
+        ("moves.kdl", "-o film.png --format apng --frames 0-2"),
+    ] {
+        let mut command = folder.command("render -q");
+        said(&command.arg(scene).args(flags.split(' ').map(|f| f.replace('|', " "))).output().unwrap(), 0, &[]);
+        let name = flags.split(' ').nth(1).unwrap().replace("####", "0002");
+        for name in [name.clone(), name.replace("layers.png", "layers.depth.png")] {
+            let before = fs::read(folder.path(&name)).unwrap();
+            let told = folder.command("info").arg(&name).output().unwrap();
+            let told = said(&told, 0, &["settings", "Canaletto", "the command that makes it again:"]);
+            let again = told.lines().find(|line| line.starts_with("  canaletto render")).unwrap();
+            fs::remove_file(folder.path(&name)).unwrap();
+            let mut shell = Command::new("/bin/sh");
+            let shell = shell.args(["-c", &format!("{again} -q")]).current_dir(folder.0.path()).env("PATH", &path);
+            said(&shell.output().unwrap(), 0, &[]);
+            assert!(fs::read(folder.path(&name)).unwrap() == before, "{again}");
+        }
+    }
+    folder.says("info s.png --set camera.fovy=3", 2, &["--set: s.png is a picture"]);
+    folder.write("student.ppm", "P3 2 1 255\n255 0 0 0 255 0\n");
+    folder.says("info student.ppm", 0, &["PPM, 2 x 1 pixels, 8 bits", "settings    none in the file"]);
+    let json: serde_json::Value = serde_json::from_str(&folder.says("info s.png --json", 0, &[])).unwrap();
+    assert_eq!(
+        (&json["format"], &json["command"][2], &json["settings"]["scene"]),
+        (&"PNG".into(), &"s.kdl".into(), &"s.kdl".into())
+    );
+}
+
+/// Pictures of students come as PPM or JPEG.
+#[test]
+fn pictures_of_other_programs_are_compared() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q", 0, &[]);
+    let pixels = folder.picture("s.png").image;
+    let bytes: Vec<[u8; 3]> =
+        (0..24 * 16).map(|i| pixels.rgb().unwrap().map(|c| (c[i] * 255.0).round() as u8)).collect();
+    let text = bytes.iter().map(|p| format!("{} {} {}\n", p[0], p[1], p[2])).collect::<String>();
+    folder.write("s.ppm", &format!("P3\n# made by hand\n24 16 255\n{text}"));
+    folder.says("compare s.png s.ppm", 0, &["the pictures are equal"]);
+    fs::write(folder.path("binary.ppm"), [b"P6 24 16 255\n", bytes.as_flattened()].concat()).unwrap();
+    folder.says("compare binary.ppm s.ppm", 0, &["the pictures are equal"]);
+    let jpeg = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../canaletto-io/src/image/testdata/ramp.jpg");
+    fs::copy(jpeg, folder.path("a.jpg")).unwrap();
+    folder.says("compare a.jpg a.jpg", 0, &["the pictures are equal"]);
+}
+
+#[test]
+fn a_preview_becomes_the_picture() {
+    let folder = Folder::new();
+    let events = folder.says("render s.kdl --preview --samples 4 --progress json -o p.png", 0, &[]);
+    let events: Vec<serde_json::Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let blocks: Vec<i64> = events.iter().filter_map(|event| event["block"].as_i64()).collect();
+    assert_eq!(blocks, [16, 4, 1]);
+    assert_eq!(events.last().unwrap()["event"], "done");
+    folder.says("render s.kdl --samples 4 -q -o whole.png", 0, &[]);
+    assert!(fs::read(folder.path("p.png")).unwrap() == fs::read(folder.path("whole.png")).unwrap());
+    // A window has previews of the window, also of an EXR and by radiosity.
+    folder.says("render s.kdl --preview -q --crop 3,2,5,6 -o c.exr", 0, &[]);
+    folder.says("render s.kdl --preview -q --integrator radiosity --aov depth -o r.png", 0, &[]);
+    assert_eq!(folder.size("c.exr"), (5, 6));
+    folder.says("render s.kdl --preview --no-clobber", 2, &["--no-clobber"]);
+    folder.says("render s.kdl --preview -o -", 2, &["--preview", "one picture"]);
+    folder.says("render s.kdl --preview --frames 1-2 -o a.##.png", 2, &["--preview: it is for one frame"]);
+}
+
+/// The file is there long before the picture is whole.
+#[cfg(unix)]
+#[test]
+fn a_preview_comes_early() {
+    let folder = Folder::new();
+    let mut child = folder.command("render s.kdl --preview -q --size 1600x1000 --samples 65536").spawn().unwrap();
+    let start = Instant::now();
+    let is_there = || fs::read(folder.path("s.png")).is_ok_and(|bytes| decode(&bytes).is_ok());
+    while !is_there() {
+        assert!(start.elapsed() < Duration::from_secs(30) && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let picture = folder.picture("s.png");
+    assert_eq!((picture.image.width, picture.image.height), (1600, 1000));
+    let (key, text) = picture.metadata.iter().find(|(key, _)| key == "unfinished").unwrap();
+    assert!(text.starts_with("a preview with one ray for "), "{key}: {text}");
+    // The middle of the ball is red already.
+    let [red, green, _] = picture.image.rgb().unwrap().map(|channel| channel[500 * 1600 + 800]);
+    assert!(red > green + 0.2, "{red} {green}");
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+}
+
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+/// Changes of the scene, of an included file and of a missing file are seen. Mistakes don't end the watch.
+#[cfg(unix)]
+#[test]
+fn a_watch_renders_again() {
+    use std::io::{BufRead, BufReader};
+    let folder = Folder::new();
+    folder.write("w.kdl", "include \"part.kdl\"\n");
+    folder.write("part.kdl", SCENE);
+    let mut command = folder.command("render w.kdl --watch --progress plain");
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let (send, receive) = std::sync::mpsc::channel();
+    std::thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| send.send(line)));
+    let until = |words: &str| {
+        let mut all = String::new();
+        while !all.contains(words) {
+            let line = receive.recv_timeout(Duration::from_secs(20));
+            all += &(line.unwrap_or_else(|_| panic!("no {words:?} after:\n{all}")) + "\n");
+        }
+        all
+    };
+    until("watching 2 files; Ctrl-C ends");
+    let first = folder.picture("w.png").image;
+    folder.write("part.kdl", &SCENE.replace("0.8 0.2 0.1", "0.1 0.8 0.2"));
+    until("watching 2 files");
+    let second = folder.picture("w.png").image;
+    assert!(first != second);
+    folder.write("part.kdl", "sphre\n");
+    let told = until("watching 2 files");
+    assert!(told.contains("part.kdl:1:1"), "{told}");
+    assert!(folder.picture("w.png").image == second);
+    fs::remove_file(folder.path("part.kdl")).unwrap();
+    let told = until("watching 2 files");
+    assert!(told.contains("there is no file \"part.kdl\""), "{told}");
+    folder.write("part.kdl", SCENE);
+    until("watching 2 files");
+    assert!(folder.picture("w.png").image == first);
+    // A change stops a long render.
+    folder.write("part.kdl", &format!("{SCENE}film {{ samples 65536 }}\n").replace("24 16", "1600 1000"));
+    std::thread::sleep(Duration::from_millis(1500));
+    folder.write("part.kdl", SCENE);
+    let told = until("watching 2 files");
+    assert!(!told.contains("partial") && !folder.path("w.partial.png").exists(), "{told}");
+    assert!(folder.picture("w.png").image == first);
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    folder.says("render - --watch", 2, &["--watch: the standard input is read once"]);
+    folder.says("render w.kdl --watch --camera no", 2, &["no camera \"no\""]);
 }

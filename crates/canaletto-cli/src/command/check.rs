@@ -9,6 +9,7 @@ use crate::omissions::doubt_omissions;
 use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
+use crate::watch::ReadLog;
 use canaletto::diagnose::{Finding, Reason, diagnose};
 use canaletto::glam::DVec3;
 use canaletto::render::Job;
@@ -101,7 +102,7 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
 /// Finds everything that `render` would find, for every camera, at one frame or at all frames. Worlds are built at the
 /// frames next to keys; these represent the frames between.
 fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
-    let mut reader = Reader::open_file(path, &[], allow_outside)?;
+    let mut reader = Reader::open_file(path, &[], allow_outside, &ReadLog::default())?;
     let (name, moves) = (reader.name.clone(), reader.timeline().moves);
     let frames = frame.map_or_else(|| all_frames(&reader), |frame| Ok(Frames::one(frame)))?;
     let built = frames.next_to(&reader.key_frames());

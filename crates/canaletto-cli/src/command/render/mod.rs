@@ -1,31 +1,31 @@
 //! `canaletto render`: renders scenes to pictures.
 
+mod dry_run;
+mod plan;
+
+pub(crate) use plan::Plan;
+
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
-use crate::format::{JSON_VERSION, bytes, count, plural};
-use crate::frames::{Frames, FramesFlag, fps};
+use crate::frames::{FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
-use crate::output::{Output, OutputFlags, replaced};
+use crate::output::{OutputFlags, replaced};
 use crate::output_format::Format;
 use crate::partial::partial;
-use crate::progress::{ProgressFlag, Style, emit};
+use crate::progress::{ProgressFlag, Style};
 use crate::series::Series;
-use crate::settings::{Settings, list, sampling_words};
+use crate::settings::Settings;
 use crate::shooting_steps::{ShootingFlags, StepPictures};
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, STDIN, build, on_threads};
-use crate::stdout::print;
+use crate::watch::watch;
 use canaletto::Named;
-use canaletto::memory;
 use canaletto::render::Aov;
-use canaletto::scene::Transfer;
-use canaletto::world::WorldStats;
-use canaletto_io::movie::Rate;
 use canaletto_io::text::closest_word;
 use clap::Args;
-use serde_json::json;
+use dry_run::{dry_run, room};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -83,6 +83,19 @@ pub(crate) struct RenderFlags {
     #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
 
+    /// Writes coarse pictures first: the file is there soon and becomes finer
+    ///
+    /// The first picture has a ray for each block of 16 x 16 pixels, the next ones for 4 x 4 and for each pixel. With
+    /// radiosity they come after the solution. Layers come with the whole picture.
+    #[arg(long, conflicts_with = "no_clobber", help_heading = "Output")]
+    pub preview: bool,
+
+    /// Renders again when the scene or a file that it names changes, until Ctrl-C
+    ///
+    /// A change stops a render that runs. A mistake in the scene is printed, and the next change may correct it.
+    #[arg(long, help_heading = "Output")]
+    pub watch: bool,
+
     /// Reads and builds everything and prints what would be rendered, but writes nothing
     #[arg(long, help_heading = "Messages")]
     pub dry_run: bool,
@@ -108,6 +121,7 @@ Examples:
   canaletto render scenes/*.kdl -o 'small/{name}.half.png' --size 50%
   canaletto render room.kdl --save-solution room.rad         # radiosity solved once, for ...
   canaletto render room.kdl --solution room.rad --camera two -o two.png
+  canaletto render shot.kdl --watch --preview                # while the scene is being written
   make-scene | canaletto render - -o made.png                # a scene text on the standard input";
 
 fn long_help() -> String {
@@ -131,105 +145,6 @@ fn aov(text: &str) -> Result<Layers, String> {
             None => format!("the layers are {}, and all", names.join(", ")),
         }
     })
-}
-
-/// The work of `render`, derived from all flags.
-pub(crate) struct Plan {
-    pub output: Output,
-    pub frames: Frames,
-    /// Whether the user gave --frames.
-    pub numbered: bool,
-    pub rate: Rate,
-    pub aovs: Vec<Aov>,
-    pub style: Style,
-    pub steps: Option<StepPictures>,
-}
-
-impl Plan {
-    fn new(flags: &RenderFlags, style: Style, reader: &Reader) -> Result<Plan, Failure> {
-        let many = match flags.frames {
-            Some(FramesFlag::These(frames)) => frames.count() > 1,
-            Some(FramesFlag::All) => true,
-            None => false,
-        };
-        let output = Output::new(&flags.output, &stem(&flags.source.scene), flags.frames.is_some(), many)?;
-        let frames = frames(flags, &output, reader)?;
-        let mut aovs: Vec<Aov> = Vec::new();
-        for layers in &flags.aov {
-            let named = match layers {
-                Layers::All => Aov::ALL.to_vec(),
-                Layers::One(aov) => vec![*aov],
-            };
-            for aov in named {
-                if !aovs.contains(&aov) {
-                    aovs.push(aov);
-                }
-            }
-        }
-        if output.is_stdout() && output.format.picture().is_some() && !output.format.has_layers() && !aovs.is_empty() {
-            let name = output.format.short_name();
-            let failure = Failure::usage(format!("--aov with {name} writes several files, but --output - takes one"));
-            return Err(failure.help("--format exr holds all layers in one file"));
-        }
-        if output.format.film().is_some() && !aovs.is_empty() {
-            return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
-                .help("render numbered pictures, such as --output shot.####.exr"));
-        }
-        let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
-        let steps = steps(flags, &output, frames)?;
-        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps })
-    }
-
-    /// The files of a frame, the picture first.
-    pub(crate) fn files(&self, frame: u32) -> Vec<PathBuf> {
-        let mut files = vec![self.output.path(frame)];
-        if !self.output.format.has_layers() {
-            files.extend(self.aovs.iter().map(|aov| self.output.layer_path(frame, aov.name())));
-        }
-        files
-    }
-
-    /// The files of all frames. A film appears once.
-    fn all_files(&self) -> impl Iterator<Item = PathBuf> {
-        let one = self.output.format.film().is_some();
-        self.frames.iter().take(if one { 1 } else { usize::MAX }).flat_map(|frame| self.files(frame))
-    }
-}
-
-/// The pictures after steps of shooting.
-fn steps(flags: &RenderFlags, output: &Output, frames: Frames) -> Result<Option<StepPictures>, Failure> {
-    let Some(pattern) = &flags.shooting.shooting_steps else { return Ok(None) };
-    if frames.count() > 1 {
-        return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
-            .help(format!("give one of them, such as --frames {}", frames.first)));
-    }
-    let steps = StepPictures::new(pattern, flags.shooting.shooting_every, &flags.output)?;
-    let other = [Some(output.path(frames.first)), flags.solution.save_solution.clone()];
-    match other.into_iter().flatten().find(|file| steps.is_name(file)) {
-        Some(file) => {
-            Err(Failure::usage(format!("--shooting-steps {} may replace {}", pattern.display(), file.display()))
-                .help("choose another name for the steps"))
-        }
-        None => Ok(Some(steps)),
-    }
-}
-
-/// The frames to render.
-fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
-    let own = || {
-        let frames = reader.timeline().frames.map(|[first, last]| Frames::new(first, last, 1));
-        frames.transpose().map_err(|e| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name)))
-    };
-    let none = |what: &str| {
-        Failure::usage(format!("{what}, but {} doesn't say which", reader.name))
-            .help("give --frames 1-100, or write animation { frames 1 100 } in the scene")
-    };
-    match flags.frames {
-        Some(FramesFlag::These(frames)) => Ok(frames),
-        Some(FramesFlag::All) => own()?.ok_or_else(|| none("--frames all means the frames of the scene's animation")),
-        None if output.format.film().is_some() => own()?.ok_or_else(|| none("a film needs its frames")),
-        None => Ok(Frames::one(reader.first_frame())),
-    }
 }
 
 /// An opened scene with its plan.
@@ -268,18 +183,25 @@ impl Task {
 
 /// Runs the command.
 pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
-    if !flags.more.is_empty() {
-        return on_threads(flags.source.threads, || several(flags))?;
+    let render = || if flags.more.is_empty() { one(flags) } else { several(flags) };
+    if !flags.watch {
+        return on_threads(flags.source.threads, render)?;
     }
+    if [&flags.source.scene].into_iter().chain(&flags.more).any(|scene| scene == Path::new(STDIN)) {
+        return Err(Failure::usage("--watch: the standard input is read once").help("name the scene's file"));
+    }
+    let style = Style::new(flags.progress, flags.quiet);
+    on_threads(flags.source.threads, || watch(&flags.source.log, style, flags.quiet, render))?
+}
+
+/// Renders one scene.
+fn one(flags: &RenderFlags) -> Result<Exit, Failure> {
     let mut flags = flags.clone();
     flags.output.output = flags.output.output.as_deref().map(|output| own_output(&flags, output, &flags.source.scene));
-    let threads = flags.source.threads;
     let task = Task::new(flags)?;
     let outputs = task.outputs();
-    on_threads(threads, || {
-        let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
-        on_pool(task, &outputs, &mut solutions)
-    })?
+    let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
+    on_pool(task, &outputs, &mut solutions)
 }
 
 /// Stands for the scene's name in --output.
@@ -426,82 +348,4 @@ fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result
         }
     }
     Series::new(flags, plan, reader, solutions).run(source)
-}
-
-/// Checks before rendering that memory suffices for a picture with its layers. The factor 3 covers the picture, the
-/// copy in the file's order and the compressed bytes.
-fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
-    let channels = 3 + aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
-    let size = u64::from(width) * u64::from(height) * channels * size_of::<f32>() as u64 * 3;
-    if memory::room(size).is_ok() {
-        return Ok(());
-    }
-    let (layers, size) = (plural(aovs.len() as u64, "layer"), bytes(size));
-    let message = format!("there is no memory for {width} x {height} pixels with {layers}: it takes {size}");
-    Err(Failure::new(Exit::Failed, message).help("render it in parts with --crop, or with fewer layers"))
-}
-
-fn dry_run(
-    flags: &RenderFlags,
-    plan: &Plan,
-    settings: &Settings,
-    stats: &WorldStats,
-    memory: Memory,
-    files: usize,
-) -> Result<Exit, Failure> {
-    let job = &settings.job;
-    let [_, _, width, height] = job.window();
-    let first = plan.files(plan.frames.first);
-    if plan.style == Style::Json {
-        emit(&json!({
-            "event": "plan", "version": JSON_VERSION, "scene": flags.source.scene, "camera": settings.camera, "size": [width, height],
-            "frames": [plan.frames.first, plan.frames.last], "files": first, "census": stats,
-            "memory": memory,
-        }));
-        return Ok(Exit::Done);
-    }
-    let light = match job.integrator.whitted() {
-        Some(settings) => {
-            let shadows = if settings.shadows { "shadows" } else { "no shadows" };
-            format!("stage {}, depth {}, {shadows}", settings.stage.name(), settings.max_depth)
-        }
-        None => {
-            let settings = job.integrator.settings().into_iter().map(|(word, value)| format!("{word} {value}"));
-            format!("{}, {}", job.integrator.name(), settings.collect::<Vec<_>>().join(", "))
-        }
-    };
-    let format = plan.output.format;
-    let kind = match format.capabilities() {
-        None => format!("{format}, {} frames a second", plan.rate.fps()),
-        Some(can) if can.linear => format!("{format}, linear"),
-        Some(can) => {
-            let bits = plan.output.settings.bits.or(can.bits.first().copied()).unwrap_or_default();
-            let curve = if job.film.transfer == Transfer::Srgb { "sRGB" } else { "no transfer curve" };
-            format!("{format}, {bits} bits, {curve}")
-        }
-    };
-    let names: Vec<String> = first.iter().map(|file| file.display().to_string()).collect();
-    let names = list(&names.iter().map(String::as_str).collect::<Vec<_>>()).replace('"', "");
-    let frames = match plan.frames.count() {
-        1 if !plan.numbered => String::new(),
-        n => format!("; {}: {}", plural(n, "frame"), plan.frames),
-    };
-    print(&format!(
-        "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     {light}\n\
-         world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
-        flags.source.scene.display(),
-        plural(files as u64, "file"),
-        settings.camera,
-        sampling_words(&job.film),
-        plural(stats.primitives, "primitive"),
-        match stats.light_points {
-            1 => "1 point of light".to_owned(),
-            n => format!("{} points of light", count(n)),
-        },
-        bytes(stats.bytes),
-        bytes(memory.peak),
-        bytes(memory.world),
-        bytes(memory.picture),
-    ))?;
-    Ok(Exit::Done)
 }

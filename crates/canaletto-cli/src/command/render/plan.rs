@@ -1,0 +1,127 @@
+//! The work of `render`, derived from its flags before anything is rendered.
+
+use super::{Layers, RenderFlags, stem};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::frames::{Frames, FramesFlag};
+use crate::output::Output;
+use crate::progress::Style;
+use crate::shooting_steps::StepPictures;
+use crate::source::Reader;
+use canaletto::Named;
+use canaletto::render::Aov;
+use canaletto_io::movie::Rate;
+use std::path::PathBuf;
+
+/// The work of `render`, derived from all flags.
+pub(crate) struct Plan {
+    pub output: Output,
+    pub frames: Frames,
+    /// Whether the user gave --frames.
+    pub numbered: bool,
+    pub rate: Rate,
+    pub aovs: Vec<Aov>,
+    pub style: Style,
+    pub steps: Option<StepPictures>,
+}
+
+impl Plan {
+    pub(super) fn new(flags: &RenderFlags, style: Style, reader: &Reader) -> Result<Plan, Failure> {
+        let many = match flags.frames {
+            Some(FramesFlag::These(frames)) => frames.count() > 1,
+            Some(FramesFlag::All) => true,
+            None => false,
+        };
+        let output = Output::new(&flags.output, &stem(&flags.source.scene), flags.frames.is_some(), many)?;
+        let frames = frames(flags, &output, reader)?;
+        let mut aovs: Vec<Aov> = Vec::new();
+        for layers in &flags.aov {
+            let named = match layers {
+                Layers::All => Aov::ALL.to_vec(),
+                Layers::One(aov) => vec![*aov],
+            };
+            for aov in named {
+                if !aovs.contains(&aov) {
+                    aovs.push(aov);
+                }
+            }
+        }
+        if output.is_stdout() && output.format.picture().is_some() && !output.format.has_layers() && !aovs.is_empty() {
+            let name = output.format.short_name();
+            let failure = Failure::usage(format!("--aov with {name} writes several files, but --output - takes one"));
+            return Err(failure.help("--format exr holds all layers in one file"));
+        }
+        if output.format.film().is_some() && !aovs.is_empty() {
+            return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
+                .help("render numbered pictures, such as --output shot.####.exr"));
+        }
+        if flags.preview {
+            check_preview(&output, frames)?;
+        }
+        let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
+        let steps = steps(flags, &output, frames)?;
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps })
+    }
+
+    /// The files of a frame, the picture first.
+    pub(crate) fn files(&self, frame: u32) -> Vec<PathBuf> {
+        let mut files = vec![self.output.path(frame)];
+        if !self.output.format.has_layers() {
+            files.extend(self.aovs.iter().map(|aov| self.output.layer_path(frame, aov.name())));
+        }
+        files
+    }
+
+    /// The files of all frames. A film appears once.
+    pub(super) fn all_files(&self) -> impl Iterator<Item = PathBuf> {
+        let one = self.output.format.film().is_some();
+        self.frames.iter().take(if one { 1 } else { usize::MAX }).flat_map(|frame| self.files(frame))
+    }
+}
+
+/// Checks that the picture can be replaced by finer ones.
+fn check_preview(output: &Output, frames: Frames) -> Result<(), Failure> {
+    let why = match output.format.film() {
+        Some(_) => format!("{} holds whole frames only", output.format),
+        None if output.is_stdout() => "--output - takes one picture".to_owned(),
+        None if frames.count() > 1 => "it is for one frame, but there are several".to_owned(),
+        None => return Ok(()),
+    };
+    Err(Failure::usage(format!("--preview: {why}")).help("render one picture into a file, such as --output shot.png"))
+}
+
+/// The pictures after steps of shooting.
+fn steps(flags: &RenderFlags, output: &Output, frames: Frames) -> Result<Option<StepPictures>, Failure> {
+    let Some(pattern) = &flags.shooting.shooting_steps else { return Ok(None) };
+    if frames.count() > 1 {
+        return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
+            .help(format!("give one of them, such as --frames {}", frames.first)));
+    }
+    let steps = StepPictures::new(pattern, flags.shooting.shooting_every, &flags.output)?;
+    let other = [Some(output.path(frames.first)), flags.solution.save_solution.clone()];
+    match other.into_iter().flatten().find(|file| steps.is_name(file)) {
+        Some(file) => {
+            Err(Failure::usage(format!("--shooting-steps {} may replace {}", pattern.display(), file.display()))
+                .help("choose another name for the steps"))
+        }
+        None => Ok(Some(steps)),
+    }
+}
+
+/// The frames to render.
+fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
+    let own = || {
+        let frames = reader.timeline().frames.map(|[first, last]| Frames::new(first, last, 1));
+        frames.transpose().map_err(|e| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name)))
+    };
+    let none = |what: &str| {
+        Failure::usage(format!("{what}, but {} doesn't say which", reader.name))
+            .help("give --frames 1-100, or write animation { frames 1 100 } in the scene")
+    };
+    match flags.frames {
+        Some(FramesFlag::These(frames)) => Ok(frames),
+        Some(FramesFlag::All) => own()?.ok_or_else(|| none("--frames all means the frames of the scene's animation")),
+        None if output.format.film().is_some() => own()?.ok_or_else(|| none("a film needs its frames")),
+        None => Ok(Frames::one(reader.first_frame())),
+    }
+}

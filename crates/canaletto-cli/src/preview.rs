@@ -1,0 +1,71 @@
+//! `--preview`: coarse pictures before the whole one.
+
+use crate::flags::{PictureFlags, PictureSize};
+use crate::settings::Settings;
+use canaletto::film::Picture;
+use canaletto::render::Job;
+use canaletto::scene::{Sampling, Scene};
+
+/// The sides of the blocks of pixels that one ray stands for, in the order of the previews.
+const BLOCKS: [u32; 3] = [16, 4, 1];
+
+/// A coarse picture to be rendered.
+#[derive(Clone, Debug)]
+pub(crate) struct Preview {
+    /// A job for a smaller picture with one ray for each pixel.
+    pub job: Job,
+    /// The side of the blocks that become of its pixels.
+    pub block: u32,
+}
+
+/// The previews of a picture, the coarsest first. A picture with one ray for each pixel has none of its own size.
+pub(crate) fn previews(name: &str, scene: &Scene, flags: &PictureFlags, whole: &Job) -> Vec<Preview> {
+    let is_finer = |block: u32| block > 1 || !matches!(whole.film.sampling, Sampling::Corner | Sampling::Center);
+    let jobs = BLOCKS.into_iter().filter(|block| is_finer(*block)).filter_map(|block| {
+        let share = PictureSize::Share(1.0 / f64::from(block));
+        let coarse = PictureFlags {
+            size: Some(PictureSize::Pixels(share.of(whole.camera.size()))),
+            crop: whole.film.crop.map(|crop| share.window(crop)),
+            samples: Some(1),
+            pattern: None,
+            ..flags.clone()
+        };
+        // A window at the edge of a very small picture may lie outside after rounding.
+        let job = Settings::new(name, scene, &coarse).ok()?.job;
+        Some(Preview { job: Job { tile: whole.tile, ..job }, block })
+    });
+    jobs.collect()
+}
+
+/// The picture with each pixel as a block, at a size in pixels.
+pub(crate) fn enlarged(picture: &Picture, [width, height]: [u32; 2]) -> Picture {
+    let mut large = Picture::new(width, height);
+    // The pixel under the centre of another one. The products of two sides fit into 64 bits.
+    let nearest =
+        |at: u32, from: u32, to: u32| ((2 * u64::from(at) + 1) * u64::from(from) / (2 * u64::from(to))) as u32;
+    let rows = large.pixels.chunks_exact_mut(width.max(1) as usize);
+    for (y, row) in rows.enumerate() {
+        let from = nearest(y as u32, picture.height, height);
+        for (x, pixel) in row.iter_mut().enumerate() {
+            *pixel = picture.pixel(nearest(x as u32, picture.width, width), from);
+        }
+    }
+    large
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canaletto::math::Rgb;
+
+    #[test]
+    fn pixels_become_blocks() {
+        let mut small = Picture::new(2, 1);
+        small.pixels = vec![Rgb::gray(1.0), Rgb::gray(2.0)];
+        let large = enlarged(&small, [5, 2]);
+        let row = [1.0, 1.0, 2.0, 2.0, 2.0].map(Rgb::gray);
+        assert_eq!(large.pixels, [row, row].concat());
+        assert_eq!(enlarged(&small, [2, 1]).pixels, small.pixels);
+        assert_eq!(enlarged(&large, [2, 1]).pixels, small.pixels);
+    }
+}
