@@ -2,7 +2,7 @@
 //! with the book's pictures, which people have checked (`CANALETTO_BLESS=1` replaces them).
 
 use canaletto::camera::Camera;
-use canaletto::explain::explain;
+use canaletto::explain::{TextStyle, explain};
 use canaletto::film::develop;
 use canaletto::render::{Job, Rendering, render};
 use canaletto::scene::{Sampling, Scene};
@@ -167,7 +167,7 @@ fn the_book_shows_a_true_explanation() {
     let scene = scene("scenes/chapter", "fig-5.27b-glass");
     let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).unwrap();
     let job = Job::new(camera, scene.film, scene.integrator);
-    let tree = explain(&World::build(scene).unwrap(), &job, 110, 75).unwrap().to_string();
+    let tree = explain(&World::build(scene).unwrap(), &job, 110, 75).unwrap().text(&TextStyle::SHORT);
     let path = root().join("docs/explain.md");
     let page = std::fs::read_to_string(&path).unwrap();
     let start = page.find("```text\n").expect("the page has its block") + "```text\n".len();

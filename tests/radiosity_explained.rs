@@ -1,7 +1,7 @@
 //! Explained light of radiosity: what is printed adds up, in its order, to the patch's light and to the pixel.
 
 use canaletto::camera::Camera;
-use canaletto::explain::{LightSum, Outcome, PatchNode, PixelTree, PlaceNode, SourceKind, explain};
+use canaletto::explain::{LightSum, Outcome, PatchNode, PixelTree, PlaceNode, SourceKind, TextStyle, explain};
 use canaletto::form_factor::polygon_to_polygon;
 use canaletto::render::{Job, render};
 use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings, RadiosityShow};
@@ -294,7 +294,7 @@ fn the_largest_source_is_the_one_that_is_near() {
 #[test]
 fn the_book_shows_a_true_patch() {
     let (world, job) = world_of(&std::fs::read_to_string(root().join("scenes/red-wall.kdl")).unwrap());
-    let tree = explain(&world, &job, 35, 215).unwrap().to_string();
+    let tree = explain(&world, &job, 35, 215).unwrap().text(&TextStyle::SHORT);
     let path = root().join("docs/radiosity.md");
     let page = std::fs::read_to_string(&path).unwrap();
     let start = page.find("```text\npixel (").expect("the page has its block") + "```text\n".len();

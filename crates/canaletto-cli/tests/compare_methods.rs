@@ -113,7 +113,14 @@ fn the_book_shows_a_true_triangle() {
     let page = std::fs::read_to_string(root().join("docs/zbuffer.md")).unwrap();
     let start = page.find("camera ray through").expect("the page has its block");
     let end = start + page[start..].find("```").expect("the block ends");
-    assert!(said.contains(&page[start..end]), "{said}");
+    if std::env::var_os("CANALETTO_BLESS").is_some() {
+        let from = said.find("camera ray through").expect("the pixel has a ray");
+        let to = said[from..].find("camera ray, depth 1").expect("the triangle comes before the ray");
+        let page = format!("{}{}{}", &page[..start], &said[from..from + to], &page[end..]);
+        std::fs::write(root().join("docs/zbuffer.md"), page).unwrap();
+    } else {
+        assert!(said.contains(&page[start..end]), "{said}");
+    }
 }
 
 /// The book's pictures and its numbers are those of the command above them.

@@ -360,10 +360,11 @@ fn explanations_and_measurements_take_a_solution() {
     folder.says("render room.kdl -q -o a.png --save-solution a.rad", 0, &[]);
     let explain = "explain room.kdl -p 8,9 --camera two --json";
     let solved = folder.says(explain, 0, &["\"sum\""]);
-    // A file has no links, which tell what lights a patch.
+    // A file has no links, which tell what lights a patch and the places on it.
     let without_patches = |text: String| {
         let mut tree: serde_json::Value = serde_json::from_str(&text).unwrap();
-        let patches = tree.as_object_mut().unwrap().remove("patches");
+        let [patches, places] = ["patches", "places"].map(|name| tree.as_object_mut().unwrap().remove(name));
+        assert_eq!(patches.is_some(), places.is_some());
         (tree, patches.is_some_and(|patches| !patches.as_array().unwrap().is_empty()))
     };
     let [(found, found_patches), (solved, solved_patches)] =

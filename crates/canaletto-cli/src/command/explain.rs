@@ -3,15 +3,15 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
-use crate::format::JSON_VERSION;
+use crate::format::{JSON_VERSION, count};
 use crate::settings::Settings;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::print;
-use canaletto::explain::{PixelTree, explain, explain_with_solution};
+use canaletto::explain::{Explainer, PixelTree, RayTree, TextStyle};
 use canaletto::math::Rgb;
 use canaletto::render::Job;
-use canaletto::scene::Integrator;
+use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
 use clap::Args;
 use serde::Serialize;
 
@@ -25,8 +25,28 @@ pub(crate) struct ExplainFlags {
     pub source: SourceFlags,
 
     /// Sets the pixel: column and row from the top left, from 0, as in image viewers
-    #[arg(short, long, allow_hyphen_values = true, value_name = "X,Y", value_parser = pixel, help_heading = "Pixel")]
-    pub pixel: [u32; 2],
+    #[arg(
+        short,
+        long,
+        allow_hyphen_values = true,
+        value_name = "X,Y",
+        value_parser = pixel,
+        help_heading = "Pixel",
+        required_unless_present = "ray",
+        conflicts_with = "ray"
+    )]
+    pub pixel: Option<[u32; 2]>,
+
+    /// Explains a ray instead of a pixel: its origin and its direction, six numbers. The scene needs no camera
+    #[arg(
+        long,
+        allow_hyphen_values = true,
+        value_name = "OX,OY,OZ,DX,DY,DZ",
+        value_parser = ray,
+        help_heading = "Pixel",
+        conflicts_with = "y_up"
+    )]
+    pub ray: Option<[f64; 6]>,
 
     /// Counts rows from the bottom
     #[arg(long, help_heading = "Pixel")]
@@ -41,6 +61,23 @@ pub(crate) struct ExplainFlags {
     #[command(flatten)]
     pub solution: GivenSolutionFlags,
 
+    /// Prints rays down to this level; camera rays have level 1 [default: as many levels as fit into 100 lines]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Messages")]
+    pub levels: Option<u32>,
+
+    /// Prints everything: all samples, all points of lights, all rays, and numbers that read back exactly
+    #[arg(long, help_heading = "Messages")]
+    pub full: bool,
+
+    /// Prints numbers with this many significant digits [default: 6; those that read back exactly with --full]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=17), help_heading = "Messages")]
+    pub digits: Option<u8>,
+
+    /// Adds the numbers on the chapter's way: the camera's axes, each object that the ray is tried against, the equation
+    /// of the intersection, the vectors of reflection and refraction, the factors of light
+    #[arg(long, help_heading = "Messages")]
+    pub steps: bool,
+
     /// Prints JSON, with the sum of all terms as `sum`
     #[arg(long, help_heading = "Messages")]
     pub json: bool,
@@ -50,6 +87,8 @@ const EXAMPLES: &str = "\
 Examples:
   canaletto explain fig-5.23b-shadow.kdl --pixel 115,80
   canaletto explain fig-5.23b-shadow.kdl --pixel 115,149 --y-up    # the same pixel of 230 rows
+  canaletto explain fig-5.23b-shadow.kdl --pixel 115,80 --steps --digits 4
+  canaletto explain fig-5.23b-shadow.kdl --ray 100,40,40,-1,-0.2,-0.4
   canaletto explain glass.kdl --pixel 60,40 --json | jq .sum";
 
 /// A tree of rays with the sum of its terms.
@@ -57,8 +96,40 @@ Examples:
 struct WithSum<'a> {
     version: u32,
     #[serde(flatten)]
-    tree: &'a PixelTree,
+    tree: &'a Explained,
     sum: Rgb,
+}
+
+/// What is explained.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Explained {
+    Pixel(Box<PixelTree>),
+    Ray(Box<RayTree>),
+}
+
+impl Explained {
+    fn sum(&self) -> Rgb {
+        match self {
+            Explained::Pixel(tree) => tree.sum(),
+            Explained::Ray(tree) => tree.ray.sum(),
+        }
+    }
+
+    fn text(&self, style: &TextStyle) -> String {
+        match self {
+            Explained::Pixel(tree) => tree.text(style),
+            Explained::Ray(tree) => tree.text(style),
+        }
+    }
+}
+
+/// Six numbers with commas between them.
+fn ray(text: &str) -> Result<[f64; 6], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| "write six numbers: the origin's x,y,z and the direction's x,y,z".into())
 }
 
 /// Runs the command.
@@ -69,17 +140,37 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
             .map_err(|e| Failure::new(Exit::Failed, format!("the tree can't be written as JSON: {e}")))?;
         print(&(json + "\n"))?;
     } else {
-        print(&tree.to_string())?;
+        let mut style = if flags.full { TextStyle::FULL } else { TextStyle::SHORT };
+        style.levels = flags.levels;
+        style.digits = flags.digits.or(style.digits);
+        let text = tree.text(&style);
+        let (lines, all) = (text.lines().count(), tree.text(&TextStyle::FULL).lines().count());
+        let folded = if lines < all {
+            let (lines, all) = (count(lines as u64), count(all as u64));
+            format!("\n{lines} of {all} lines; --levels N shows more rays, --full everything\n")
+        } else {
+            String::new()
+        };
+        print(&(text + &folded))?;
     }
     Ok(Exit::Done)
 }
 
-fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
+fn tree(flags: &ExplainFlags) -> Result<Explained, Failure> {
     let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
     reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
-    let source = reader.at(frame)?;
+    let mut source = reader.at(frame)?;
     print_diagnostics(&source.warnings, false);
+    if flags.ray.is_some() && source.scene.views.is_empty() {
+        // A ray has no camera, but a job has one.
+        source.scene.views.push(View {
+            name: "none".into(),
+            intrinsics: Intrinsics::default(),
+            extrinsics: Extrinsics::default(),
+            motion: Vec::new(),
+        });
+    }
     let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
     let solution = SolutionFlags::from(&flags.solution);
     solution.check_integrator(&source.name, &settings.job.integrator)?;
@@ -88,18 +179,30 @@ fn tree(flags: &ExplainFlags) -> Result<PixelTree, Failure> {
     let options = seen_through(&settings.camera, &source.scene, flags.source.build_options(0));
     let (world, _) = build(&source.name, source.scene, &options, None)?;
     let job = Job { frame, ..settings.job };
-    let [x, y] = flags.pixel;
-    let [_, height] = job.camera.size();
-    // A row outside the picture is not mirrored, so that the message shows the user's own number.
-    let row = if flags.y_up && y < height { height - 1 - y } else { y };
-    let explained = match (&fingerprint, &job.integrator) {
+    let given = match (&fingerprint, &job.integrator) {
         (Some(fingerprint), Integrator::Radiosity(settings)) => {
-            match solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())? {
-                Some((solution, _)) => explain_with_solution(&world, &job, &solution, x, row),
-                None => return Err(Failure::Reported(Exit::Interrupted)),
-            }
+            let found = solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())?;
+            Some(found.ok_or(Failure::Reported(Exit::Interrupted))?.0)
         }
-        _ => explain(&world, &job, x, row),
+        _ => None,
     };
-    explained.map_err(|e| Failure::usage(format!("--pixel: {e}")))
+    let mut explainer = Explainer::new(&world, &job).with_steps(flags.steps);
+    if let Some(solution) = &given {
+        explainer = explainer.with_solution(solution);
+    }
+    match (flags.ray, flags.pixel) {
+        (Some([ox, oy, oz, dx, dy, dz]), _) => {
+            let ray = explainer.ray([ox, oy, oz], [dx, dy, dz]);
+            let ray = ray.map_err(|e| Failure::usage(format!("--ray: {e}")))?;
+            Ok(Explained::Ray(Box::new(ray)))
+        }
+        (None, pixel) => {
+            let [x, y] = pixel.unwrap_or_default();
+            let [_, height] = job.camera.size();
+            // A row outside the picture is not mirrored, so that the message shows the user's own number.
+            let row = if flags.y_up && y < height { height - 1 - y } else { y };
+            let pixel = explainer.pixel(x, row).map_err(|e| Failure::usage(format!("--pixel: {e}")))?;
+            Ok(Explained::Pixel(Box::new(pixel)))
+        }
+    }
 }

@@ -3,18 +3,35 @@
 //! A probe records the tree while the pixel is rendered by the code that renders pictures. [`PixelTree::sum`] adds up
 //! the recorded terms and returns the pixel bit for bit.
 
+mod developed;
+mod environment_text;
+mod intersection;
+mod light_text;
+mod material_text;
 mod number;
 mod patch;
 mod patch_terms;
 mod patch_text;
 mod prepared;
+mod raster_text;
+mod ray_text;
+mod ray_tree;
 mod record;
+mod steps;
+mod steps_text;
 mod text;
+mod text_writer;
 mod tree;
+mod tried_objects;
 
+pub use developed::{DevelopedNode, DevelopedValues};
+pub use intersection::{Intersection, TriedObject};
 pub use patch::{
     CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
 };
+pub use ray_tree::RayTree;
+pub use steps::{CameraSteps, HitSteps, LightSteps, RaySteps, RefractionSteps};
+pub use text_writer::TextStyle;
 pub use tree::{
     BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, PixelTree, RayNode, ReadingNode,
     SampleNode, Side, TextureNode,
@@ -22,9 +39,11 @@ pub use tree::{
 
 use crate::integrator::radiosity::RadiositySolution;
 pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate, ShownLight};
+use crate::math::DRay;
 use crate::render::{Job, JobError, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
+use glam::DVec3;
 pub(crate) use prepared::{ExplainWorker, PreparedExplainer, SolutionSource};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -48,6 +67,12 @@ pub enum ExplainError {
     /// Mirrors and clear bodies multiply the pixel's rays beyond the limit.
     #[error("the pixel's tree has more than {MAX_RAYS} rays; a smaller max-depth makes it one that can be read")]
     TooManyRays,
+    /// The ray has no direction, or starts nowhere.
+    #[error("the ray needs a finite origin and a direction that has a length")]
+    Direction,
+    /// A rasteriser traces no rays.
+    #[error("a z-buffer traces no rays; the integrator \"whitted\" does")]
+    NoRays,
     /// The observer cancelled the explanation.
     #[error("the explanation was cancelled")]
     Cancelled,
@@ -64,53 +89,83 @@ const MAX_RAYS: u64 = 1 << 20;
 /// # Errors
 /// [`ExplainError`] if the pixel is outside the picture, has too many rays, or the job has an error.
 pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
-    explain_given(world, job, None, [x, y])
+    Explainer::new(world, job).pixel(x, y)
 }
 
-/// Explains a pixel as [`explain`] does, with a solution of radiosity that is already found.
-///
-/// # Errors
-/// As [`explain`], and as [`render_with_solution`](crate::render::render_with_solution).
-pub fn explain_with_solution(
-    world: &World,
-    job: &Job,
-    solution: &Arc<RadiositySolution>,
-    x: u32,
-    y: u32,
-) -> Result<PixelTree, ExplainError> {
-    solution.check(world, job)?;
-    explain_given(world, job, Some(solution), [x, y])
+/// What explanations are made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Explainer<'a> {
+    world: &'a World,
+    job: &'a Job,
+    solution: Option<&'a Arc<RadiositySolution>>,
+    has_steps: bool,
 }
 
-fn explain_given(
-    world: &World,
-    job: &Job,
-    solution: Option<&Arc<RadiositySolution>>,
-    [x, y]: [u32; 2],
-) -> Result<PixelTree, ExplainError> {
-    job.check()?;
-    let [width, height] = job.camera.size();
-    if x >= width || y >= height {
-        return Err(ExplainError::Outside { x, y, width, height });
+impl<'a> Explainer<'a> {
+    /// Explanations of a job's pixels.
+    pub fn new(world: &'a World, job: &'a Job) -> Explainer<'a> {
+        Explainer { world, job, solution: None, has_steps: false }
     }
-    let counted = job.relative_to(world);
-    let job = counted.as_ref().unwrap_or(job);
-    with_stack(stack_of(world, job), || record(world, job, solution, [x, y])).map_err(JobError::from)?
-}
 
-fn record(
-    world: &World,
-    job: &Job,
-    solution: Option<&Arc<RadiositySolution>>,
-    [x, y]: [u32; 2],
-) -> Result<PixelTree, ExplainError> {
-    // Only what the pixel needs is prepared.
-    let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
-    job.film.crop = Some([x, y, 1, 1]);
-    let source = solution.map_or(SolutionSource::SolvedWithLinks, SolutionSource::Given);
-    let prepared = PreparedExplainer::new(world, &job, source, &())?;
-    let ControlFlow::Continue(explainer) = prepared else {
-        return Err(ExplainError::Cancelled);
-    };
-    ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).listing_rivals().pixel([x, y])
+    /// Returns the explainer with a solution of radiosity that is already found. What lights its patches isn't known.
+    pub fn with_solution(self, solution: &'a Arc<RadiositySolution>) -> Explainer<'a> {
+        Explainer { solution: Some(solution), ..self }
+    }
+
+    /// Returns the explainer such that trees have the numbers on the chapter's way: those of the camera, of
+    /// intersections, of all objects that are tried, of reflection and refraction.
+    pub fn with_steps(self, has_steps: bool) -> Explainer<'a> {
+        Explainer { has_steps, ..self }
+    }
+
+    /// Explains a pixel as [`explain`] does.
+    ///
+    /// # Errors
+    /// As [`explain`], and as [`render_with_solution`](crate::render::render_with_solution).
+    pub fn pixel(&self, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
+        let [width, height] = self.job.camera.size();
+        if x >= width || y >= height {
+            self.job.check()?;
+            return Err(ExplainError::Outside { x, y, width, height });
+        }
+        self.with_worker([x, y], |worker| worker.listing_rivals().pixel([x, y]))
+    }
+
+    /// Explains a ray from `origin` in the scene's coordinates along `direction`, which may have any length but zero.
+    /// The camera plays no part.
+    ///
+    /// # Errors
+    /// [`ExplainError`] if the direction has no length, if the integrator traces no rays, and as
+    /// [`Explainer::pixel`].
+    pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<RayTree, ExplainError> {
+        let (origin, direction): (DVec3, DVec3) = (origin.into(), direction.into());
+        if !origin.is_finite() || direction.try_normalize().is_none() {
+            return Err(ExplainError::Direction);
+        }
+        let line = DRay { origin: origin - self.world.origin(), direction };
+        self.with_worker([0, 0], |mut worker| worker.ray(line)?.ok_or(ExplainError::NoRays))
+    }
+
+    /// Prepares what a pixel needs, and calls `f`.
+    fn with_worker<T: Send>(
+        &self,
+        [x, y]: [u32; 2],
+        f: impl FnOnce(ExplainWorker) -> Result<T, ExplainError> + Send,
+    ) -> Result<T, ExplainError> {
+        let Explainer { world, job, solution, has_steps } = *self;
+        job.check()?;
+        solution.map_or(Ok(()), |solution| solution.check(world, job))?;
+        let relative = job.relative_to(world);
+        let job = relative.as_ref().unwrap_or(job);
+        with_stack(stack_of(world, job), || {
+            let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
+            job.film.crop = Some([x, y, 1, 1]);
+            let source = solution.map_or(SolutionSource::SolvedWithLinks, SolutionSource::Given);
+            let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, source, &())? else {
+                return Err(ExplainError::Cancelled);
+            };
+            f(ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).with_steps(has_steps))
+        })
+        .map_err(JobError::from)?
+    }
 }

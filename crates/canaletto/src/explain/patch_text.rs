@@ -1,103 +1,176 @@
-//! The light of radiosity and its patches as text for a terminal.
+//! The light of radiosity and its patches as text.
 
-use super::number::Number;
-use super::patch::{LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode};
-use super::text::vector;
+use super::patch::{
+    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
+};
+use super::patch_terms::BlendedPlace;
+use super::text_writer::{TextWriter, counted};
 use super::tree::Side;
 use crate::integrator::ShownLight;
 use glam::DVec3;
-use std::fmt::{self, Formatter};
 
-/// Writes how the light at a hit is made of that of patches and vertices.
-///
-/// `places` are those whose terms are known. Each is removed when it is written.
-pub(super) fn write_radiosity(
-    f: &mut Formatter,
-    node: &RadiosityNode,
-    places: &mut Vec<&PlaceNode>,
-    indent: &str,
-) -> fmt::Result {
-    let what = match node.shown {
-        ShownLight::Indirect => "indirect light",
-        ShownLight::FromSurfaces => "light from emitting surfaces + indirect light",
-        _ => "direct light + light from emitting surfaces + indirect light",
+/// The names of the parts of light.
+const PARTS: [&str; 3] = ["direct light", "light from emitting surfaces", "indirect light"];
+
+/// The most sources of light that are written if the text is folded.
+const MOST_SOURCES: usize = 6;
+
+/// Writes how the light at a hit is made of that of a patch, or of its centre and vertices.
+pub(super) fn write_radiosity(w: &mut TextWriter, node: &RadiosityNode, indent: &str) {
+    let first = match node.shown {
+        ShownLight::Indirect => 2,
+        ShownLight::FromSurfaces => 1,
+        ShownLight::All => 0,
     };
-    let how = match node.corners.len() {
-        1 => "of the whole patch",
-        _ => "interpolated between the patch's centre and two vertices",
+    let what = PARTS[first..].join(" + ");
+    let how = if node.is_interpolated {
+        "interpolated between the patch's centre and two vertices"
+    } else {
+        "of the whole patch"
     };
-    writeln!(f, "{indent}{}: {what}, {how}", vector(node.light))?;
+    writeln!(w, "{indent}{}: {what}, {how}", w.vector(node.light));
     for corner in &node.corners {
         let place = match corner.vertex {
             Some(vertex) => format!("vertex {vertex}"),
             None if node.is_interpolated => format!("centre of patch {}", node.patch),
             None => format!("patch {}", node.patch),
         };
-        let share = if node.corners.len() > 1 { format!(", weight {}", Number(corner.weight)) } else { String::new() };
-        writeln!(f, "{indent}    {place} at {}{share}", vector(corner.point))?;
-        let deeper = format!("{indent}    ");
-        let parts = [("direct", corner.direct), ("emitters", corner.from_emitters), ("indirect", corner.indirect)];
-        let hidden = match node.shown {
-            ShownLight::Indirect => 2,
-            ShownLight::FromSurfaces => 1,
-            _ => 0,
-        };
-        let terms = places.iter().position(|place| match corner.vertex {
-            Some(_) => place.vertex == corner.vertex,
-            None => node.is_interpolated && place.patch == Some(node.patch),
-        });
-        if let Some(PlaceNode { direct, from_emitters, indirect, .. }) = terms.map(|index| places.swap_remove(index)) {
-            for (name, sum) in SUMS.iter().zip([direct, from_emitters, indirect]).skip(hidden) {
-                write_sum(f, name, sum, &deeper)?;
-            }
+        let weight = if node.is_interpolated { format!(", weight {}", w.number(corner.weight)) } else { String::new() };
+        let parts = [corner.direct, corner.from_emitters, corner.indirect];
+        if !w.is_full {
+            let light = parts[first..].iter().fold(DVec3::ZERO, |sum, &part| sum + DVec3::from(part));
+            let light = w.vector(light.to_array());
+            writeln!(w, "{indent}    {place} at {}{weight}: {light}", w.vector(corner.point));
             continue;
         }
-        for (part, light) in parts.iter().skip(hidden) {
-            writeln!(f, "{indent}        {part} {}", vector(*light))?;
+        writeln!(w, "{indent}    {place} at {}{weight}", w.vector(corner.point));
+        let deeper = format!("{indent}    ");
+        match untold_place(w, node, corner) {
+            Some(place) => {
+                for (name, sum) in PARTS.iter().zip(sums_of(place)).skip(first) {
+                    write_sum(w, name, sum, &deeper);
+                }
+            }
+            None => {
+                for (name, light) in PARTS.iter().zip(parts).skip(first) {
+                    writeln!(w, "{deeper}    {name} {}", w.vector(light));
+                }
+            }
         }
     }
-    Ok(())
+    if w.is_full {
+        return write_patch_once(w, node.patch, indent);
+    }
+    write_largest_sources(w, node, first, indent);
 }
 
-/// The names of the parts of light.
-const SUMS: [&str; 3] = ["direct light", "light from emitting surfaces", "indirect light"];
+/// The terms of a place that aren't written yet.
+fn untold_place<'t>(w: &mut TextWriter<'t>, node: &RadiosityNode, corner: &CornerNode) -> Option<&'t PlaceNode> {
+    let (index, place) = place_of(w, node, corner)?;
+    w.lit.told_places.insert(index).then_some(place)
+}
 
-/// Writes a patch and what lights it.
-pub(super) fn write_patch(f: &mut Formatter, patch: &PatchNode, indent: &str) -> fmt::Result {
+fn place_of<'t>(w: &TextWriter<'t>, node: &RadiosityNode, corner: &CornerNode) -> Option<(usize, &'t PlaceNode)> {
+    let wanted = BlendedPlace::of(node, corner)?;
+    w.lit.places.iter().enumerate().find(|(_, place)| match wanted {
+        BlendedPlace::Center(patch) => place.patch == Some(patch),
+        BlendedPlace::Vertex(vertex) => place.vertex == Some(vertex),
+    })
+}
+
+fn sums_of(place: &PlaceNode) -> [&LightSum; 3] {
+    [&place.direct, &place.from_emitters, &place.indirect]
+}
+
+/// Writes what gives most of the light at a hit, as weighted means over its places.
+fn write_largest_sources(w: &mut TextWriter, node: &RadiosityNode, first: usize, indent: &str) {
+    let weights: f64 = node.corners.iter().map(|corner| corner.weight).sum();
+    let mut sources: Vec<(String, DVec3)> = Vec::new();
+    let mut others = DVec3::ZERO;
+    for corner in &node.corners {
+        let sums = match place_of(w, node, corner) {
+            Some((_, place)) => sums_of(place),
+            None => match w.lit.patches.iter().find(|patch| !node.is_interpolated && patch.number == node.patch) {
+                Some(patch) => [&patch.direct, &patch.from_emitters, &patch.indirect],
+                None => return writeln!(w, "{indent}    {}", unknown(w, node.patch)),
+            },
+        };
+        let share = corner.weight / weights;
+        for sum in &sums[first..] {
+            for source in &sum.sources {
+                let light = DVec3::from(source.light) * share;
+                let name = format!("{}{}", source.name, material_of(source));
+                match sources.iter_mut().find(|(other, _)| *other == name) {
+                    Some((_, sum)) => *sum += light,
+                    None => sources.push((name, light)),
+                }
+            }
+            others += sum.others.map_or(DVec3::ZERO, |others| others.light.into()) * share;
+        }
+    }
+    sources.sort_by(|a, b| b.1.element_sum().total_cmp(&a.1.element_sum()));
+    for (name, light) in sources.iter().take(MOST_SOURCES) {
+        writeln!(w, "{indent}    from {name}: {}", w.vector(light.to_array()));
+    }
+    let more = sources.len().saturating_sub(MOST_SOURCES);
+    others += sources.iter().skip(MOST_SOURCES).fold(DVec3::ZERO, |sum, (_, light)| sum + *light);
+    if more > 0 || others != DVec3::ZERO {
+        writeln!(w, "{indent}    from other surfaces: {}", w.vector(others.to_array()));
+    }
+}
+
+fn unknown(w: &TextWriter, patch: u32) -> String {
+    if w.lit.patches.is_empty() {
+        format!("patch {patch}: what lights it isn't known, since a solution that was saved has no links")
+    } else {
+        format!("patch {patch}: not explained, since many patches lie under the pixel")
+    }
+}
+
+/// Writes a patch and what lights it, unless that was written before.
+fn write_patch_once(w: &mut TextWriter, number: u32, indent: &str) {
+    match w.lit.patches.iter().find(|patch| patch.number == number) {
+        Some(_) if !w.lit.told.insert(number) => writeln!(w, "{indent}patch {number}: as above"),
+        Some(patch) => write_patch(w, patch, indent),
+        None => writeln!(w, "{indent}{}", unknown(w, number)),
+    }
+}
+
+fn write_patch(w: &mut TextWriter, patch: &PatchNode, indent: &str) {
     let PatchNode { number, object, kind, primitive, material, side, corners, center, area, .. } = patch;
     let side = match side {
         Side::Outside => "outer",
         Side::Inside => "inner",
     };
     let which = if super::tree::has_primitives(kind) { format!(", primitive {primitive}") } else { String::new() };
-    writeln!(f, "{indent}patch {number}: {object}{which} ({kind}), {side} side, material \"{material}\"")?;
-    let corners: Vec<String> = corners.iter().map(|corner| vector(*corner)).collect();
-    writeln!(f, "{indent}    corners {}", corners.join(", "))?;
-    writeln!(f, "{indent}    centre {}, area {}", vector(*center), size(*area))?;
-    for (name, sum) in SUMS.iter().zip([&patch.direct, &patch.from_emitters, &patch.indirect]) {
-        write_sum(f, name, sum, indent)?;
+    writeln!(w, "{indent}patch {number}: {object}{which} ({kind}), {side} side, material \"{material}\"");
+    let corners: Vec<String> = corners.iter().map(|corner| w.vector(*corner)).collect();
+    writeln!(w, "{indent}    corners {}", corners.join(", "));
+    writeln!(w, "{indent}    centre {}, area {}", w.vector(*center), w.size(*area));
+    for (name, sum) in PARTS.iter().zip([&patch.direct, &patch.from_emitters, &patch.indirect]) {
+        write_sum(w, name, sum, indent);
     }
     let equal =
         if patch.sum().to_array() == patch.radiance { "equal, bit for bit" } else { "NOT equal: this is a bug" };
     writeln!(
-        f,
+        w,
         "{indent}    radiosity = emission {} + reflectance {} * (direct + emitters + indirect)",
-        vector(patch.emission),
-        vector(patch.reflectance)
-    )?;
-    writeln!(f, "{indent}              = {}  ({equal})", vector(patch.radiance))
+        w.vector(patch.emission),
+        w.vector(patch.reflectance)
+    );
+    writeln!(w, "{indent}              = {}  ({equal})", w.vector(patch.radiance));
 }
 
-fn write_sum(f: &mut Formatter, name: &str, sum: &LightSum, indent: &str) -> fmt::Result {
-    writeln!(f, "{indent}    {name}")?;
+fn write_sum(w: &mut TextWriter, name: &str, sum: &LightSum, indent: &str) {
+    writeln!(w, "{indent}    {name}");
     for source in &sum.sources {
-        write_source(f, source, indent)?;
+        write_source(w, source, indent);
     }
-    write_others(f, sum.others.as_ref(), "sources", &format!("{indent}        "))?;
+    write_others(w, sum.others.as_ref(), "source", &format!("{indent}        "));
     if sum.rounding != [0.0; 3] {
-        writeln!(f, "{indent}        + {}: {}", rounding_of(sum), vector(sum.rounding))?;
+        writeln!(w, "{indent}        + {}: {}", rounding_of(sum), w.vector(sum.rounding));
     }
-    writeln!(f, "{indent}        = {}", vector(sum.light))
+    writeln!(w, "{indent}        = {}", w.vector(sum.light));
 }
 
 /// The reason why a sum's terms have another sum than the solver found.
@@ -110,38 +183,30 @@ fn rounding_of(sum: &LightSum) -> &'static str {
     }
 }
 
-fn write_source(f: &mut Formatter, source: &SourceNode, indent: &str) -> fmt::Result {
+fn material_of(source: &SourceNode) -> String {
+    source.material.as_ref().map_or(String::new(), |material| format!(", material \"{material}\""))
+}
+
+fn write_source(w: &mut TextWriter, source: &SourceNode, indent: &str) {
     let by = match (source.kind, source.link_count) {
-        (SourceKind::Light | SourceKind::Environment, _) => "",
-        (SourceKind::Itself, _) => ", what its form factors lack to 1",
-        (_, 1) => ", 1 link",
-        (_, links) => &format!(", {links} links"),
+        (SourceKind::Light | SourceKind::Environment, _) => String::new(),
+        (SourceKind::Itself, _) => ", what its form factors lack to 1".to_owned(),
+        (_, links) => format!(", {}", counted(links, "link")),
     };
-    let material = source.material.as_ref().map_or(String::new(), |material| format!(", material \"{material}\""));
-    writeln!(f, "{indent}        + {}{material}{by}: {}", source.name, vector(source.light))?;
+    writeln!(w, "{indent}        + {}{}{by}: {}", source.name, material_of(source), w.vector(source.light));
     for LinkNode { center, area, receiver_area, form_factor, radiance, light } in &source.links {
-        writeln!(f, "{indent}            {} * {} = {}", Number(*form_factor), vector(*radiance), vector(*light))?;
+        let product = format!("{} * {}", w.number(*form_factor), w.vector(*radiance));
+        writeln!(w, "{indent}            {product} = {}", w.vector(*light));
         if source.kind != SourceKind::Itself {
-            writeln!(
-                f,
-                "{indent}                from area {} around {} to area {}",
-                size(*area),
-                vector(*center),
-                size(*receiver_area)
-            )?;
+            let from = format!("from area {} around {}", w.size(*area), w.vector(*center));
+            writeln!(w, "{indent}                {from} to area {}", w.size(*receiver_area));
         }
     }
-    write_others(f, source.others.as_ref(), "links", &format!("{indent}            "))
+    write_others(w, source.others.as_ref(), "link", &format!("{indent}            "));
 }
 
-fn write_others(f: &mut Formatter, others: Option<&OthersNode>, what: &str, indent: &str) -> fmt::Result {
-    match others {
-        Some(OthersNode { count, light }) => writeln!(f, "{indent}+ {count} other {what}: {}", vector(*light)),
-        None => Ok(()),
+fn write_others(w: &mut TextWriter, others: Option<&OthersNode>, what: &str, indent: &str) {
+    if let Some(OthersNode { count, light }) = others {
+        writeln!(w, "{indent}+ {}: {}", counted(*count, &format!("other {what}")), w.vector(*light));
     }
-}
-
-/// An area with the digits of `f32`, since no sum depends on it.
-fn size(area: f64) -> Number<f32> {
-    Number(area as f32)
 }

@@ -1,9 +1,13 @@
 //! Explanations of many pixels of one picture. What the job's integrator prepares is kept between them.
 
+use super::developed::DevelopedNode;
 use super::patch::{PatchNode, PlaceNode};
 use super::patch_terms::{BlendedPlace, patch_node, place_node};
-use super::record::Recorder;
+use super::ray_tree::RayTree;
+use super::record::{EyeLine, RecordedSteps, Recorder};
+use super::steps::CameraSteps;
 use super::tree::{Outcome, RayNode, SampleNode};
+use super::tried_objects::MOST_PRIMITIVES;
 use super::{ExplainError, PixelTree};
 use crate::film::WeightedSum;
 use crate::integrator::radiosity::RadiositySolution;
@@ -11,6 +15,7 @@ use crate::integrator::{
     Cancelled, PreparedRadiosity, Probe, RayIntegrator, Transport, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
 };
 use crate::job::{Job, JobError, Observer};
+use crate::math::DRay;
 use crate::render::PixelRenderer;
 use crate::sampler::FrameSampler;
 use crate::scene::{Integrator, WhittedSettings};
@@ -164,6 +169,8 @@ pub(crate) struct ExplainWorker<'a> {
     /// The approximate limit of rays of a pixel.
     max_rays: u64,
     lists_rivals: bool,
+    /// Whether the chapter's steps are recorded.
+    has_steps: bool,
     pixels: PixelRenderer<'a>,
     raster: Option<ZbufferExplainer<'a>>,
     /// The rays traced so far.
@@ -181,12 +188,21 @@ impl<'a> ExplainWorker<'a> {
             Prepared::Whitted(_) | Prepared::Radiosity(..) => None,
         };
         let pixels = PixelRenderer::new(explainer.job);
-        ExplainWorker { explainer, cancelled, max_rays, lists_rivals: false, pixels, raster, rays: 0 }
+        ExplainWorker { explainer, cancelled, max_rays, lists_rivals: false, has_steps: false, pixels, raster, rays: 0 }
     }
 
     /// Returns this worker such that it lists what covers a place and isn't seen, which takes time.
     pub(crate) fn listing_rivals(self) -> ExplainWorker<'a> {
         ExplainWorker { lists_rivals: true, ..self }
+    }
+
+    /// Returns this worker such that it records the chapter's steps, which takes time.
+    pub(crate) fn with_steps(self, has_steps: bool) -> ExplainWorker<'a> {
+        ExplainWorker { has_steps, ..self }
+    }
+
+    fn recorded_steps(&self, eye: EyeLine) -> Option<RecordedSteps> {
+        self.has_steps.then_some(RecordedSteps { eye, primitives_left: MOST_PRIMITIVES })
     }
 
     /// Prepares for the pixels of an area: column and row of its corner, width and height. Changes no explanation.
@@ -201,9 +217,11 @@ impl<'a> ExplainWorker<'a> {
     /// # Errors
     /// [`ExplainError`] if the pixel has too many rays, or if cancelled.
     pub(crate) fn pixel(&mut self, pixel: [u32; 2]) -> Result<PixelTree, ExplainError> {
+        let steps = self.recorded_steps(EyeLine::Camera);
         let Self { explainer, lists_rivals, pixels, raster, .. } = self;
         let radiosity = explainer.radiosity().map(|(radiosity, _)| radiosity);
-        let mut recorder = Recorder::new(explainer.world, &explainer.job.camera).with_radiosity(radiosity);
+        let mut recorder =
+            Recorder::new(explainer.world, &explainer.job.camera).with_radiosity(radiosity).with_steps(steps);
         let mut sum = WeightedSum::default();
         if let Some(raster) = raster {
             let ControlFlow::Continue(rasters) = raster.pixel(pixel, *lists_rivals, &mut recorder, &mut sum) else {
@@ -254,6 +272,31 @@ impl<'a> ExplainWorker<'a> {
         Ok(Some(self.tree(pixel, recorder, &sum)))
     }
 
+    /// Explains what a ray of the world sees, whose direction may have any length. None for a rasteriser.
+    ///
+    /// # Errors
+    /// [`ExplainError`] if there are too many rays, or if cancelled.
+    pub(crate) fn ray(&mut self, line: DRay) -> Result<Option<RayTree>, ExplainError> {
+        let PreparedExplainer { world, job, .. } = self.explainer;
+        let Some(whitted) = self.explainer.ray_integrator() else { return Ok(None) };
+        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
+        let stops = |rays| rays > max_rays || cancelled(rays);
+        let mut whitted = whitted.with_cancel(&stops);
+        let radiosity = self.explainer.radiosity().map(|(radiosity, _)| radiosity);
+        let mut recorder = Recorder::new(world, &job.camera)
+            .with_radiosity(radiosity)
+            .with_steps(self.recorded_steps(EyeLine::Given(line)));
+        recorder.sample([0.0; 2], 1.0);
+        whitted.begin(FrameSampler::new(job.seed, job.frame, job.film.sampler).pixel([0; 2]).sample(0, 1), 0.0);
+        let unit = DRay { direction: line.direction.normalize(), ..line };
+        let color = whitted.eye(unit, None, &mut recorder);
+        self.count(&whitted)?;
+        let mut samples = recorder.into_samples();
+        let Lit { patches, more_patches, places, more_places } = self.explainer.lit(&samples);
+        let ray = samples.pop().map(|sample| sample.ray);
+        Ok(ray.map(|ray| RayTree { ray, patches, more_patches, places, more_places, color }))
+    }
+
     /// Counts the rays of a pixel.
     ///
     /// # Errors
@@ -281,6 +324,8 @@ impl<'a> ExplainWorker<'a> {
             places,
             more_places,
             samples,
+            camera: self.has_steps.then(|| CameraSteps::new(self.explainer.world, &self.explainer.job.camera)),
+            developed: DevelopedNode::new(sum.mean(), &self.explainer.job.film),
             color: sum.mean(),
         }
     }

@@ -1,16 +1,18 @@
 //! The probe that records the tree.
 
 use super::patch::RadiosityNode;
+use super::steps::{HitSteps, LightSteps, RaySteps, RefractionSteps};
 use super::tree::{
     BlockerNode, CutNode, EmittersNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, RayNode, ReadingNode,
     SampleNode, Side, TextureNode, has_primitives,
 };
+use super::tried_objects::{intersection_at, tried_objects};
 use crate::Named;
 use crate::camera::Camera;
 use crate::integrator::{EmittersTerm, LightTerm, PreparedRadiosity, Probe, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
-use crate::math::Rgb;
+use crate::math::{DRay, Rgb};
 use crate::shape::Surface;
 use crate::world::{GeometryProbe, Hit, TextureRead, World};
 use canaletto_bvh::Ray;
@@ -34,6 +36,8 @@ pub(super) struct Recorder<'w> {
     textures: Vec<TextureNode>,
     /// The solution that stands for ambient light.
     radiosity: Option<&'w PreparedRadiosity>,
+    /// The steps that are recorded, if any.
+    steps: Option<RecordedSteps>,
     /// The current hit, with its place in the world and whether it is on the outer side.
     place: Option<(Hit, DVec3, bool)>,
 }
@@ -52,6 +56,7 @@ impl<'w> Recorder<'w> {
             blockers: Vec::new(),
             textures: Vec::new(),
             radiosity: None,
+            steps: None,
             place: None,
         }
     }
@@ -59,6 +64,42 @@ impl<'w> Recorder<'w> {
     /// Returns this recorder such that it records the light of a solution.
     pub(super) fn with_radiosity(self, radiosity: Option<&'w PreparedRadiosity>) -> Recorder<'w> {
         Recorder { radiosity, ..self }
+    }
+
+    /// Returns this recorder such that it records the chapter's steps.
+    pub(super) fn with_steps(self, steps: Option<RecordedSteps>) -> Recorder<'w> {
+        Recorder { steps, ..self }
+    }
+
+    /// How the current ray's hit is found.
+    fn ray_steps(&mut self, hit: Option<&Hit>) -> Option<Box<RaySteps>> {
+        let steps = self.steps.as_mut()?;
+        let ray = self.open.last()?;
+        let (time, lens) = self.drawn;
+        let line = match (ray.kind, steps.eye, self.sample) {
+            (RayKind::Eye, EyeLine::Camera, Some(([x, y], _))) if lens.is_none() => {
+                let (origin, direction) = self.camera.at(time.unwrap_or(0.0)).chapter_ray(x, y);
+                DRay { origin, direction }
+            }
+            (RayKind::Eye, EyeLine::Given(line), _) => line,
+            _ => DRay {
+                origin: DVec3::from(ray.origin) - self.world.origin(),
+                direction: Vec3::from(ray.direction).as_dvec3(),
+            },
+        };
+        let primitives = self.world.primitives();
+        let (mut tried, mut more_tried) = (Vec::new(), 0);
+        if primitives <= steps.primitives_left {
+            steps.primitives_left -= primitives;
+            (tried, more_tried) = tried_objects(self.world, &line, time.unwrap_or(0.0) as f32, hit);
+        }
+        Some(Box::new(RaySteps {
+            direction: line.direction.to_array(),
+            tried,
+            more_tried,
+            intersection: hit.and_then(|hit| intersection_at(self.world, &line, hit)),
+            refraction: None,
+        }))
     }
 
     pub(super) fn into_samples(self) -> Vec<SampleNode> {
@@ -71,6 +112,23 @@ impl<'w> Recorder<'w> {
             Outcome::Miss { .. } => None,
         }
     }
+}
+
+/// What is recorded of the chapter's steps.
+pub(super) struct RecordedSteps {
+    /// Where the first ray comes from.
+    pub(super) eye: EyeLine,
+    /// The number of primitives that may still be tried.
+    pub(super) primitives_left: u64,
+}
+
+/// Where the first ray of a tree comes from.
+#[derive(Clone, Copy)]
+pub(super) enum EyeLine {
+    /// From the camera.
+    Camera,
+    /// From a place of its own, along a direction of any length.
+    Given(DRay),
 }
 
 impl GeometryProbe for Recorder<'_> {
@@ -116,6 +174,7 @@ impl Probe for Recorder<'_> {
             lobe: self.lobe.take(),
             media: self.media.take(),
             hidden: Vec::new(),
+            steps: None,
             color: Rgb::BLACK,
         });
     }
@@ -131,14 +190,18 @@ impl Probe for Recorder<'_> {
     }
 
     fn miss(&mut self, color: Rgb) {
-        if let Some(RayNode { outcome: Outcome::Miss { background, .. }, .. }) = self.open.last_mut() {
-            *background = color;
+        let steps = self.ray_steps(None);
+        if let Some(RayNode { outcome: Outcome::Miss { background, .. }, steps: own, .. }) = self.open.last_mut() {
+            (*background, *own) = (color, steps);
         }
     }
 
     fn hit(&mut self, hit: &Hit, surface: &Surface, material: &MaterialPoint, outside: bool) {
         let object = self.world.object(hit);
         let shading_normal = if outside { surface.shading_normal } else { -surface.shading_normal };
+        let ray_steps = self.ray_steps(Some(hit));
+        let direction =
+            self.open.last().map(|ray| Vec3::from(ray.direction).as_dvec3()).filter(|_| self.steps.is_some());
         let node = HitNode {
             object: object.name.clone(),
             object_id: self.world.object_id(hit),
@@ -150,6 +213,7 @@ impl Probe for Recorder<'_> {
             shading_normal: shading_normal.as_vec3().to_array(),
             uv: surface.uv.to_array(),
             side: if outside { Side::Outside } else { Side::Inside },
+            steps: direction.map(|direction| HitSteps::new(direction, shading_normal)),
             material: self.world.material(hit).name.clone(),
             model: material.model,
             textures: std::mem::take(&mut self.textures),
@@ -167,6 +231,7 @@ impl Probe for Recorder<'_> {
         };
         if let Some(ray) = self.open.last_mut() {
             ray.outcome = Outcome::Hit(Box::new(node));
+            ray.steps = ray_steps;
         }
         self.place = Some((*hit, surface.exact, outside));
     }
@@ -239,6 +304,7 @@ impl Probe for Recorder<'_> {
             direction: term.direction.to_array(),
             distance: term.distance,
             intensity: term.intensity,
+            steps: self.steps.as_ref().map(|_| light_steps(self.world, term)),
             n_dot_l: term.n_dot_l,
             behind: term.behind,
             r_dot_l: term.r_dot_l,
@@ -262,6 +328,13 @@ impl Probe for Recorder<'_> {
     fn end(&mut self, color: Rgb) {
         let Some(mut ray) = self.open.pop() else { return };
         ray.color = color;
+        if let (Some(media), Some(steps), Some(parent)) = (ray.media, &mut ray.steps, self.open.last())
+            && let Outcome::Hit(hit) = &parent.outcome
+        {
+            let normal = ray.lobe.map_or(hit.shading_normal, |lobe| lobe.facet);
+            let [direction, normal] = [parent.direction, normal].map(|v| Vec3::from(v).as_dvec3());
+            steps.refraction = Some(RefractionSteps::new(direction, normal, media.map(f64::from)));
+        }
         if let Some(parent) = self.current() {
             if ray.kind == RayKind::Passed {
                 parent.behind = Some(ray);
@@ -283,6 +356,18 @@ impl Probe for Recorder<'_> {
             });
         }
     }
+}
+
+/// The factors of a light's intensity at a hit.
+fn light_steps(world: &World, term: &LightTerm) -> LightSteps {
+    let light = &world.lights[term.light as usize];
+    let [c, l, q] = light.light.attenuation;
+    let d = term.distance;
+    let attenuation = if d.is_finite() { 1.0 / (c + l * d + q * d * d).max(f32::MIN_POSITIVE) } else { 1.0 };
+    let intensity = light.point_intensity();
+    let without_cone = intensity.max_component() * attenuation;
+    let cone = if without_cone > 0.0 { term.intensity.max_component() / without_cone } else { 1.0 };
+    LightSteps { intensity, attenuation, coefficients: [c, l, q], cone }
 }
 
 /// The scene's coordinates of a point of the world. If the world's origin is zero, the coordinates have the digits that

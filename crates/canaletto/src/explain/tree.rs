@@ -1,6 +1,8 @@
 //! The tree of rays behind a pixel, as plain data.
 
+use super::developed::DevelopedNode;
 use super::patch::{PatchNode, PlaceNode, RadiosityNode};
+use super::steps::{CameraSteps, HitSteps, LightSteps, RaySteps};
 use crate::film::WeightedSum;
 use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
@@ -20,6 +22,9 @@ pub struct PixelTree {
     pub size: [u32; 2],
     /// The samples, one camera ray each.
     pub samples: Vec<SampleNode>,
+    /// What the chapter makes of the camera's parameters, if steps are explained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraSteps>,
     /// The patches under the pixel's rays, with what lights them, by number; only of radiosity.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub patches: Vec<PatchNode>,
@@ -34,6 +39,8 @@ pub struct PixelTree {
     pub more_places: usize,
     /// The pixel's colour as rendered.
     pub color: Rgb,
+    /// The colour's way into a file.
+    pub developed: DevelopedNode,
 }
 
 /// One camera ray with its weight in the pixel.
@@ -86,6 +93,9 @@ pub struct RayNode {
     /// The objects whose cut-out holes the ray passed before its hit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<String>,
+    /// How the hit is found, if steps are explained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<Box<RaySteps>>,
     /// The hit or miss.
     pub outcome: Outcome,
     /// The ray's colour, before the factor.
@@ -153,6 +163,9 @@ pub struct HitNode {
     pub uv: [f32; 2],
     /// The side that the ray came from.
     pub side: Side,
+    /// The vectors of the chapter, if steps are explained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<HitSteps>,
     /// The material's name.
     pub material: String,
     /// The material's model with its values at the hit.
@@ -257,6 +270,9 @@ pub struct LightNode {
     pub distance: f32,
     /// The intensity at the hit, before shadows.
     pub intensity: Rgb,
+    /// The factors of this intensity, if steps are explained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<LightSteps>,
     /// n·L.
     pub n_dot_l: f32,
     /// Whether the light is behind the surface but in front of its bent normal.
@@ -379,7 +395,7 @@ pub(super) fn has_primitives(kind: &str) -> bool {
     matches!(kind, "mesh" | "spheres" | "cylinders")
 }
 
-fn is_zero(number: &usize) -> bool {
+pub(super) fn is_zero(number: &usize) -> bool {
     *number == 0
 }
 

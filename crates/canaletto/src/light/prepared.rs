@@ -103,6 +103,11 @@ impl PreparedLight {
         PreparedLight { light, points, towards, intensity, cone, surface, count, attenuated }
     }
 
+    /// The intensity of each point, before attenuation, cone and region.
+    pub(crate) fn point_intensity(&self) -> Rgb {
+        self.intensity
+    }
+
     /// The number of points that illuminate a hit, each with a shadow ray of its own.
     pub fn points(&self) -> u32 {
         self.count
