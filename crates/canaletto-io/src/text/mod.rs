@@ -1,10 +1,12 @@
 //! The scene text: KDL 2 to [`Scene`].
 //!
 //! The stages: `files` reads a text and its includes, and `syntax` parses it into nodes. `overrides` applies
-//! assignments to their values, and `animate` evaluates keys and paths for a frame. `decode` validates the nodes
-//! against `schema` and builds the scene. Each stage reports every mistake and continues.
+//! assignments to their values, `arithmetic` replaces expressions by numbers, and `animate` evaluates keys and paths for
+//! a frame. `decode` validates the nodes against `schema` and builds the scene. Each stage reports every mistake and
+//! continues.
 
 mod animate;
+mod arithmetic;
 mod closest_word;
 mod decode;
 mod file_cache;
@@ -73,6 +75,8 @@ pub fn read_scene_text(
 pub struct SceneDocument {
     nodes: Vec<syntax::Node>,
     files: Files,
+    /// The named numbers of the scene.
+    numbers: Vec<f64>,
     /// The messages about the text that don't depend on the frame.
     report: Report,
     timeline: Timeline,
@@ -124,6 +128,7 @@ impl SceneDocument {
             return Err(report.finish(&files));
         }
         overrides::apply_set(&mut nodes, set, Settable::Scene, &mut files, &mut report);
+        let numbers = arithmetic::evaluate(&mut nodes, &files, &mut report);
         let (timeline, report) = animate::timeline(&nodes, &files, report);
         let keep = FrameCache::new(timeline.moves);
         let times = animate::times(&nodes);
@@ -131,7 +136,18 @@ impl SceneDocument {
         if has_time {
             animate::gather(&mut nodes, &files);
         }
-        Ok(SceneDocument { nodes, files, report, timeline, has_time, times, camera: None, default_camera: None, keep })
+        Ok(SceneDocument {
+            nodes,
+            numbers,
+            files,
+            report,
+            timeline,
+            has_time,
+            times,
+            camera: None,
+            default_camera: None,
+            keep,
+        })
     }
 
     /// The camera of a scene that has none. It is fitted to the first frame, so that it stays when objects move.
@@ -213,7 +229,8 @@ impl SceneSource for SceneDocument {
                 Vec::new()
             }
         };
-        let (mut scene, mut report) = decode::decode(nodes, &self.files, assets, report, &mut self.keep, &neighbours);
+        let (mut scene, mut report) =
+            decode::decode(nodes, &self.numbers, &self.files, assets, report, &mut self.keep, &neighbours);
         self.keep.turn();
         if let Some(scene) = scene.as_mut().filter(|scene| scene.views.is_empty() && !report.has_errors())
             && let Some(view) = self.default_camera(scene, assets, frame)

@@ -2,6 +2,7 @@
 //!
 //! They change the nodes before decoding, so that the checks and messages of the decoder apply.
 
+use super::arithmetic::{LET, REPEAT};
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{
@@ -123,6 +124,10 @@ impl Setter<'_> {
         let (single, plain) = (nodes::is_single(word), nodes::is_plain(word));
         match &path[1..] {
             [] if plain => self.replace(value),
+            [(name, from, to)] if word == LET.name => {
+                let span = self.span(*from, *to);
+                self.define(name, span, value);
+            }
             [] if word == INTEGRATOR.name => self.choose(value),
             [_] if single => {
                 let found = self.nodes.iter_mut().rev().find(|node| *node.name == **word);
@@ -144,6 +149,7 @@ impl Setter<'_> {
                 let whole = self.span(path[0].1, path[path.len() - 1].2);
                 let form = match single {
                     _ if plain => format!("{word}=…"),
+                    _ if word == LET.name => "let.NAME=…".into(),
                     true if word == INTEGRATOR.name => format!("{word}=NAME or {word}.WORD=…"),
                     true => format!("{word}.WORD=…"),
                     false => format!("{word}.WORD=… for all, {word}.NAME.WORD=… for one"),
@@ -202,6 +208,29 @@ impl Setter<'_> {
         }
     }
 
+    /// Changes a named number of the scene.
+    fn define(&mut self, name: &str, span: Span, value: Node) {
+        let lets = || self.nodes.iter().filter(|node| *node.name == *LET.name).flat_map(|node| &node.properties);
+        if !lets().any(|property| *property.key == *name) {
+            let names: Vec<&str> = lets().map(|property| &*property.key).collect();
+            let message = Message::error(span, format!("no number of the scene is called \"{name}\""));
+            self.report.push(match closest_word(name, names.iter().copied()) {
+                Some(right) => message.help(format!("did you mean \"{right}\"?")),
+                None if names.is_empty() => message,
+                None => message.help(format!("there are: {}", names.join(", "))),
+            });
+            return;
+        }
+        let [number] = value.values.as_slice() else {
+            if !value.broken {
+                self.report.error(value.span, format!("let.{name} takes one number"));
+            }
+            return;
+        };
+        let lets = self.nodes.iter_mut().filter(|node| *node.name == *LET.name).flat_map(|node| &mut node.properties);
+        lets.filter(|property| *property.key == *name).for_each(|property| property.value = number.clone());
+    }
+
     /// Changes every node of a word, or those of a name.
     fn each(&mut self, word: &str, name: Option<&str>, span: Span, value: Node) {
         let mut names = Vec::new();
@@ -246,7 +275,7 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
             names.extend(own.map(str::to_owned));
         }
     }
-    if [GROUP.schema.name, PROTOTYPE.schema.name].contains(&&*node.name) {
+    if [GROUP.schema.name, PROTOTYPE.schema.name, REPEAT.name].contains(&&*node.name) {
         for child in &mut node.children {
             change(child, word, name, value, names, changed);
         }

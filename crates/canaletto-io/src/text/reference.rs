@@ -1,5 +1,6 @@
 //! The reference of the scene text, `docs/scene-text.md`, generated from the schema of the decoder.
 
+use super::arithmetic::{CONSTANTS, FUNCTIONS, MAX_COPIES, MAX_KEPT_COPIES, MEDIA};
 use super::nodes::{
     self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE, LENS, LIGHTS,
     MATERIAL_NODE, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
@@ -33,6 +34,7 @@ pub fn reference_markdown() -> String {
             out.push_str(INCLUDES);
         }
     }
+    arithmetic(&mut out);
     out.push_str(ENVIRONMENT_RULES);
     for environment in ENVIRONMENTS {
         let title = format!("environment \"{}\"", kind_of(&environment.schema));
@@ -72,6 +74,28 @@ pub fn reference_markdown() -> String {
         World::MAX_NESTING,
     );
     out
+}
+
+fn arithmetic(out: &mut String) {
+    out.push_str(ARITHMETIC);
+    out.push_str("| function | value |\n|---|---|\n");
+    for function in FUNCTIONS {
+        let arguments = ["x", "x, y"][function.arguments - 1];
+        let _ = writeln!(out, "| `{}({arguments})` | {} |", function.name, function.doc);
+    }
+    for (name, value) in CONSTANTS {
+        let _ = writeln!(out, "| `{name}` | {value} |");
+    }
+    out.push_str(REPEATS);
+    let _ = writeln!(
+        out,
+        "All repeats of a scene make up to {MAX_COPIES} copies, and up to {MAX_KEPT_COPIES} of objects with names or keys, and of settings."
+    );
+    out.push_str(COLORS);
+    out.push_str("| medium | η | |\n|---|---|---|\n");
+    for (name, eta, doc) in MEDIA {
+        let _ = writeln!(out, "| `\"{name}\"` | {eta} | {doc} |");
+    }
 }
 
 fn motion(out: &mut String) {
@@ -145,7 +169,8 @@ letters, digits, `-` and `_` may go without.
 
 **Space** is right-handed with y upwards, though nothing depends on y but the camera's default `up`. **Angles** are in
 degrees. **Lengths** are in any unit; a scene scaled by a power of two gives the same picture to the bit. **Colours** are
-linear red, green and blue, without an upper limit; one number is a gray. In the tables, *words in italics* are values
+linear red, green and blue, without an upper limit; one number is a gray, and [names](#colours-and-media-by-name) stand for
+colours. In the tables, *words in italics* are values
 right after the node's name.
 
 `canaletto check scene.kdl` reports every mistake of a scene at once.
@@ -164,6 +189,67 @@ integrator "whitted" { stage "shadow" }
 
 Files must lie below the folder of the scene, unless `--allow-outside` is given.
 "#;
+
+const ARITHMETIC: &str = r#"
+## Numbers with names
+
+`let` gives names to numbers. Wherever a number can stand, an expression can: a bare name, or anything in quotes.
+
+```kdl
+let r=2 count=12
+let step="360 / count"
+sphere { center 0 r 0; radius r }
+torus { center 0 "r + 0.5" 0; axis 0 1 0; radius "2 × r"; tube "sqrt(r) / 10" }
+```
+
+There are `+ - * / ^` and parentheses, also written `− × · ÷`. `^` is a power and binds most. A name has letters, digits and
+`_`. A number knows the names above it; all other nodes know all of them. In a later file, `let r=3` changes the number of an
+earlier one, and so does `--set let.r=3`: what depends on it changes, too.
+
+"#;
+
+const REPEATS: &str = r#"
+## Copies
+
+`repeat` makes copies of what stands in it. The index `i` counts from 0. Named counts make rows of rows, the last one counts
+fastest, and `let` names numbers of each copy:
+
+```kdl
+repeat 12 { sphere { center "3 * cos(30 * i)" 0 "3 * sin(30 * i)"; radius 0.5 } }
+repeat x=20 z=20 {
+    let h="0.2 + random(x + 20 * z)"
+    box { min x 0 z; max "x + 0.8" h "z + 0.8" }
+}
+```
+
+Repeats may stand in each other, with different names of their indices, and in groups. Objects need different names:
+braces in a text hold a number. At the top of a file, materials and other nodes may be copied, too:
+
+```kdl
+repeat 5 {
+    material "m{i}" { kd "i / 4" 0.2 0.5 }
+    sphere "ball {i + 1}" material="m{i}" { center i 0 0; radius 0.4 }
+}
+```
+
+"#;
+
+const COLORS: &str = r##"
+## Colours and media by name
+
+A colour is three linear numbers, one for a gray, the name of a colour in CSS, or a number as in CSS. Names and such numbers
+are on the sRGB curve and are converted to linear light. `srgb` before three numbers from 0 to 1 says the same of them.
+
+```kdl
+background "skyblue"
+material "orange" { kd "#ff8800"; ks srgb 0.2 0.2 0.2 }
+material "same" { kd srgb "#ff8800" }
+texture "dawn" kind="ramp" { stops 0 "midnightblue"  0.6 "#ff8844"  1 1 1 0.9 }
+```
+
+`eta` knows media by name, the chapter's box 5.7 first: `material "lens" { kd 0; opacity 0; eta "glass" }`.
+
+"##;
 
 const ENVIRONMENT_RULES: &str = r#"
 ## Environments

@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 pub(crate) enum ValueType {
     /// Numbers; the slice lists the allowed counts.
     Numbers(&'static [usize]),
-    /// A colour: 1 number (gray) or 3.
+    /// A colour: 1 number (gray) or 3, after names of colours were replaced.
     Rgb,
     /// A non-negative integer.
     Count,
@@ -30,6 +30,19 @@ pub(crate) enum ValueType {
     Node(&'static NodeSchema),
 }
 
+impl ValueType {
+    /// Whether the values are numbers.
+    pub(crate) fn is_of_numbers(&self) -> bool {
+        match self {
+            ValueType::Numbers(_) | ValueType::Rgb | ValueType::Count | ValueType::Counts(_) | ValueType::Many(_) => {
+                true
+            }
+            ValueType::Flag | ValueType::FlagOrKeyword(_) | ValueType::Text | ValueType::Keyword(_) => false,
+            ValueType::Node(words) => words.argument.is_some_and(|argument| argument.value_type.is_of_numbers()),
+        }
+    }
+}
+
 /// A single number.
 pub(crate) const NUMBER: ValueType = ValueType::Numbers(&[1]);
 /// A point or direction.
@@ -46,6 +59,8 @@ pub(crate) struct FieldSchema {
     pub(crate) many: bool,
     /// Whether it places its object, so that the object keeps the point in double precision.
     pub(crate) places: bool,
+    /// Whether colours may stand among its numbers.
+    pub(crate) colors: bool,
     /// The default value as text, computed from the code that uses it.
     pub(crate) default: fn() -> String,
     pub(crate) doc: &'static str,
@@ -83,7 +98,16 @@ pub(crate) struct NodeSchema {
 
 impl FieldSchema {
     const fn new(name: &'static str, value_type: ValueType, doc: &'static str) -> FieldSchema {
-        FieldSchema { name, value_type, needed: false, many: false, places: false, default: String::new, doc }
+        FieldSchema {
+            name,
+            value_type,
+            needed: false,
+            many: false,
+            places: false,
+            colors: false,
+            default: String::new,
+            doc,
+        }
     }
 }
 
@@ -104,6 +128,11 @@ impl<T> Field<T> {
 
     pub(crate) const fn places(mut self) -> Field<T> {
         self.schema.places = true;
+        self
+    }
+
+    pub(crate) const fn colors(mut self) -> Field<T> {
+        self.schema.colors = true;
         self
     }
 
@@ -222,7 +251,7 @@ impl std::fmt::Display for ValueType {
                 let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
                 write!(f, "{} numbers", counts.join(" or "))
             }
-            ValueType::Rgb => f.write_str("1 or 3 numbers"),
+            ValueType::Rgb => f.write_str("a colour"),
             ValueType::Count => f.write_str("a whole number"),
             ValueType::Counts(n) => write!(f, "{n} whole numbers"),
             ValueType::Flag => f.write_str("#true or #false"),

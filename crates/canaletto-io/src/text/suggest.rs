@@ -1,5 +1,6 @@
 //! The help with unknown words and names: what was probably meant, and what is possible.
 
+use super::arithmetic::LET;
 use super::closest_word::closest_word;
 use super::nodes::{self, INCLUDE, KEY};
 use super::report::Message;
@@ -25,6 +26,8 @@ impl Validator<'_> {
         let (meant, mut help) = suggestion(name, &allowed);
         if name == KEY {
             help = "keys stand in the braces of what moves: translate { key 1  0 0 0; key 50  10 0 0 }".into();
+        } else if name == LET.name {
+            help = "let stands at the top of a file, or at the start of a repeat".into();
         } else if name == INCLUDE.name {
             help = "include stands at the top of a file, outside of everything".into();
         } else if elsewhere && !words.objects {

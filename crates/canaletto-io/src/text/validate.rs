@@ -1,5 +1,6 @@
 //! The validation of nodes against their schema.
 
+use super::arithmetic::{ETA, closest_color, closest_medium};
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{self, TRANSFORMS};
@@ -178,6 +179,8 @@ impl<'a> Validator<'a> {
                 format!("{subject} takes {}, got nothing", word.value_type)
             } else if counts == [1] || matches!(word.value_type, ValueType::Flag) {
                 format!("{subject} takes one value, {}, got {} values", word.value_type, values.len())
+            } else if matches!(word.value_type, ValueType::Rgb) {
+                format!("{subject} takes a colour: 1 or 3 numbers, or a name; got {} values", values.len())
             } else {
                 format!("{subject} takes {}, got {}", word.value_type, values.len())
             };
@@ -268,18 +271,26 @@ impl<'a> Validator<'a> {
         let (message, help) = match value.kind {
             ValueKind::Number(number) if is_usable(number) => return true,
             ValueKind::Number(number) if number.is_finite() => {
-                (format!("{subject} is {number:e}, beyond what can be computed with"), "numbers go up to 3.4e38")
+                (format!("{subject} is {number:e}, beyond what can be computed with"), LARGEST.to_owned())
             }
-            ValueKind::Number(number) if number.is_nan() => (format!("{subject} is #nan, which is no number"), ""),
-            ValueKind::Number(_) => (format!("{subject} is infinite, but must be finite"), "numbers go up to 3.4e38"),
+            ValueKind::Number(number) if number.is_nan() => {
+                (format!("{subject} is #nan, which is no number"), String::new())
+            }
+            ValueKind::Number(_) => (format!("{subject} is infinite, but must be finite"), LARGEST.to_owned()),
             _ => {
                 let help = match value.as_text() {
-                    Some(",") => "numbers stand with blanks between them, without commas",
-                    Some(text) if text.parse::<f64>().is_ok() => "write the number without quotes",
-                    Some(text) if text.starts_with('#') && text.len() == 7 => {
-                        "colours are linear: 3 numbers, red, green and blue from 0 to 1"
-                    }
-                    _ => "",
+                    Some(",") => "numbers stand with blanks between them, without commas".into(),
+                    Some(text) if matches!(value_type, ValueType::Rgb) => match closest_color(text) {
+                        Some(color) => format!("did you mean \"{color}\"?"),
+                        None => {
+                            "a colour is 3 linear numbers, a gray, a name such as orange, or srgb \"#ff8800\"".into()
+                        }
+                    },
+                    Some(text) if subject == ETA => match closest_medium(text) {
+                        Some(medium) => format!("did you mean \"{medium}\"?"),
+                        None => String::new(),
+                    },
+                    _ => String::new(),
                 };
                 (format!("{subject} takes {value_type}, got {}", described(value)), help)
             }
@@ -289,6 +300,8 @@ impl<'a> Validator<'a> {
         false
     }
 }
+
+const LARGEST: &str = "numbers go up to 3.4e38";
 
 fn is_usable(number: f64) -> bool {
     number.abs() <= f64::from(f32::MAX)

@@ -9,6 +9,7 @@ mod settings;
 mod transform;
 mod warnings;
 
+use super::arithmetic::REPEAT;
 use super::file_cache::FrameCache;
 use super::files::Files;
 use super::model_settings::is_described;
@@ -25,9 +26,11 @@ pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
 pub(crate) use transform::TransformReader;
 
-/// Decodes the scene of these nodes; `None` after a mistake, which is in the report.
+/// Decodes the scene of these nodes; `None` after a mistake, which is in the report. `numbers` are the named numbers of
+/// the scene, for repeats.
 pub(crate) fn decode(
     nodes: &[Node],
+    numbers: &[f64],
     files: &Files,
     assets: &dyn Assets,
     report: Report,
@@ -37,6 +40,7 @@ pub(crate) fn decode(
     let mut validator = Validator::new(files, report);
     let names = Names::collect(nodes, &mut validator);
     let mut decoder = Decoder::new(validator, assets, names, keep, neighbours);
+    decoder.numbers = numbers.to_vec();
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
     decoder.textures(nodes);
     decoder.materials(nodes);
@@ -47,8 +51,9 @@ pub(crate) fn decode(
     for node in objects() {
         let unpacked = node.packed.map(|_| syntax::unpack(node, files.slice(node.span)));
         for node in unpacked.as_deref().unwrap_or(std::slice::from_ref(node)) {
-            let decoded = decoder.object(node);
-            decoder.scene.nodes.extend(decoded);
+            let mut decoded = std::mem::take(&mut decoder.scene.nodes);
+            decoder.objects(node, &mut decoded);
+            decoder.scene.nodes = decoded;
         }
     }
     for node in nodes.iter().filter(|node| !nodes::is_object(&node.name) && !nodes::is_setting(&node.name)) {
@@ -115,6 +120,10 @@ pub(crate) struct Decoder<'a> {
     pub(super) used: Vec<bool>,
     pub(super) names: Names<'a>,
     pub(super) meshes: MeshCache,
+    /// The named numbers of the scene and of the repeats around the present node.
+    pub(super) numbers: Vec<f64>,
+    /// The number of copies that repeats have made so far.
+    pub(super) copies: u64,
     /// The cache that frames share.
     pub(super) keep: &'a mut FrameCache,
     pub(super) neighbours: &'a Neighbours<'a>,
@@ -140,6 +149,8 @@ impl<'a> Decoder<'a> {
             used: Vec::new(),
             names,
             meshes: HashMap::new(),
+            numbers: Vec::new(),
+            copies: 0,
             keep,
             neighbours,
             valid: true,
@@ -152,8 +163,8 @@ impl Decoder<'_> {
     fn warn(&mut self, nodes: &[Node]) {
         let has = |light: bool| {
             // Lights in prototypes shine where they are instanced.
-            let both = [GROUP.schema.name, PROTOTYPE.schema.name];
-            let within = if light { &both[..] } else { &both[..1] };
+            let all = [REPEAT.name, GROUP.schema.name, PROTOTYPE.schema.name];
+            let within = if light { &all[..] } else { &all[..2] };
             nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == LIGHT } else { is_thing(&n.name) }))
         };
         let lit = match &self.scene.environment {
@@ -198,7 +209,7 @@ impl Decoder<'_> {
 }
 
 fn is_thing(name: &str) -> bool {
-    ![LIGHT, GROUP.schema.name, PROTOTYPE.schema.name].contains(&name) && nodes::is_object(name)
+    ![LIGHT, REPEAT.name, GROUP.schema.name, PROTOTYPE.schema.name].contains(&name) && nodes::is_object(name)
 }
 
 /// Whether `test` holds for the node, or for any node inside nodes that are named in `within`.

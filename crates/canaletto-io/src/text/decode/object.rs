@@ -2,6 +2,7 @@
 
 use super::Decoder;
 use crate::import::is_flat;
+use crate::text::arithmetic::Copies;
 use crate::text::nodes::{self, CASTS_SHADOW, LIGHT, MATERIAL, NAME, ObjectReader, PROTOTYPE};
 use crate::text::reader::Fields;
 use crate::text::report::Message;
@@ -10,6 +11,34 @@ use canaletto::scene::{self, Content};
 use canaletto::shape::{Shape, Triangle};
 
 impl Decoder<'_> {
+    /// Decodes an object, or all copies of a repeat.
+    pub(crate) fn objects(&mut self, node: &Node, decoded: &mut Vec<scene::Node>) {
+        let Some(mut copies) = Copies::of(node) else {
+            decoded.extend(self.object(node));
+            return;
+        };
+        loop {
+            match copies.next(&mut self.numbers, self.validator.files, &mut self.copies) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(message) => {
+                    self.validator.report.push(message);
+                    self.valid = false;
+                    break;
+                }
+            }
+            let messages = self.validator.report.count();
+            for node in copies.nodes() {
+                self.objects(node, decoded);
+            }
+            // The copies have the same mistakes.
+            if !self.valid && self.validator.report.count() > messages {
+                break;
+            }
+        }
+        copies.end(&mut self.numbers);
+    }
+
     /// Decodes an object or light with its children. `None` for prototypes, and after a mistake.
     pub(crate) fn object(&mut self, node: &Node) -> Option<scene::Node> {
         let decoded = if &*node.name == LIGHT { self.light(node) } else { self.placed(node) };

@@ -123,6 +123,7 @@ const STOPS: Field<Numbers> = Field::groups(
     4,
     "degrees above the horizon, from -90 to 90 and growing, each with the colour `r g b` there; linear in between",
 )
+.colors()
 .needed();
 
 static GRADIENT: EnvironmentNode = environment_node(

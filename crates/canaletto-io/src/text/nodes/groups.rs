@@ -56,13 +56,7 @@ impl Decoder<'_> {
     fn group(&mut self, fields: &Fields) -> Vec<scene::Node> {
         let mut nodes = Vec::with_capacity(fields.objects.len());
         for node in &fields.objects {
-            let valid = self.valid;
-            match self.object(node) {
-                Some(node) => nodes.push(node),
-                // A prototype itself isn't visible.
-                None if *node.name == *PROTOTYPE.schema.name => self.valid &= valid,
-                None => {}
-            }
+            self.objects(node, &mut nodes);
         }
         nodes
     }

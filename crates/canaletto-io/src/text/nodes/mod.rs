@@ -36,6 +36,7 @@ pub(crate) use motion::{
 pub(crate) use surface_texture::SURFACE_TEXTURE;
 pub(crate) use texture::{Images, TEXTURE, TEXTURES, texture};
 
+use super::arithmetic::{LET, REPEAT};
 use super::closest_word::closest_word;
 use super::decode::{Decoder, TransformReader};
 use super::reader::Fields;
@@ -142,6 +143,9 @@ pub(crate) const ALTERNATIVES: [[&str; 2]; 4] =
 /// The name of an object or light, and its place. The name of a light is a property, since its kind stands after the
 /// word; so is that of an instance, since its target does.
 pub(crate) fn name_of(node: &Node) -> Option<(&str, Span)> {
+    if *node.name == *REPEAT.name {
+        return None;
+    }
     let named = node.values.first().filter(|_| object(&node.name).is_some_and(|object| has_name_first(&object.schema)));
     named.and_then(|value| Some((value.as_text()?, value.span))).or_else(|| node.text(NAME.name()))
 }
@@ -157,12 +161,28 @@ pub(crate) fn has_name_first(schema: &NodeSchema) -> bool {
     schema.argument.is_some_and(|argument| argument.name == NAME.name())
 }
 
-/// The names of the nodes that are allowed in a group.
-pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
-    OBJECTS.iter().map(|object| object.schema.name).chain([LIGHT])
+/// Whether a node of this name moves what it stands in.
+pub(crate) fn is_of_time(name: &str) -> bool {
+    [KEY, FOLLOW.name, EASE.name(), TURN.name()].contains(&name)
 }
 
-/// Whether a node of this name is an object or a light.
+/// Whether any text stands in place of a number: an expression, or the name of a colour.
+pub(crate) fn has_text_for_number(node: &Node) -> bool {
+    let takes_numbers = |word: &str| {
+        let field = schema(node).and_then(|schema| field(schema, word));
+        field.is_some_and(|field| field.value_type.is_of_numbers())
+    };
+    let texts = |child: &Node| child.values.iter().any(|value| value.as_text().is_some());
+    node.properties.iter().any(|p| *p.key != *MATERIAL.name() && p.value.as_text().is_some() && takes_numbers(&p.key))
+        || node.children.iter().any(|child| texts(child) && takes_numbers(&child.name))
+}
+
+/// The names of the nodes that are allowed in a group.
+pub(crate) fn objects() -> impl Iterator<Item = &'static str> {
+    OBJECTS.iter().map(|object| object.schema.name).chain([LIGHT, REPEAT.name])
+}
+
+/// Whether a node of this name is an object, a light or a repeat of them.
 pub(crate) fn is_object(name: &str) -> bool {
     objects().any(|object| object == name)
 }
@@ -201,7 +221,12 @@ pub(crate) fn object(name: &str) -> Option<&'static ObjectNode> {
 
 /// The names of the nodes that are allowed at the top level of a file.
 pub(crate) fn top() -> Vec<&'static str> {
-    SETTINGS.iter().map(|setting| setting.schema.name).chain([ENVIRONMENT, TEXTURE]).chain(objects()).collect()
+    SETTINGS
+        .iter()
+        .map(|setting| setting.schema.name)
+        .chain([ENVIRONMENT, TEXTURE, LET.name])
+        .chain(objects())
+        .collect()
 }
 
 /// The schema of a node, lights, environments and textures among them.

@@ -11,9 +11,10 @@ use canaletto::texture::{
 use canaletto::{Named, OutOfRange};
 
 const STOPS: Field<Numbers> = Field::groups("stops", 4, "colours at places: the place, then red, green and blue")
+    .colors()
     .or(|| "0 0 0 0  1 1 1 1".into());
 const STOPS_ALPHA: Field<Numbers> =
-    Field::groups("stops-alpha", 5, "the same with an alpha behind each, instead of `stops`");
+    Field::groups("stops-alpha", 5, "the same with an alpha behind each, instead of `stops`").colors();
 const INTERPOLATION: Field<Interpolation> =
     Field::word("interpolation", "what is between the stops").or(|| quoted(Interpolation::default().name()));
 /// The fields of textures that map to colours through a ramp.

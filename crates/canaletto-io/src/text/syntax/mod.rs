@@ -19,7 +19,7 @@ mod string;
 mod tree;
 
 pub(crate) use parser::{MAX_DEPTH, MAX_ITEMS, parse, parse_entries, unpack};
-pub(crate) use tree::{Node, Span, Value, ValueKind};
+pub(crate) use tree::{Node, Property, Span, Value, ValueKind};
 
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@ use super::lexer::{Lexer, is_newline, is_word};
 use super::number::{number, starts_number};
 use super::string::Reported;
 use super::tree::{Node, Property, Span, Value, ValueKind};
-use crate::text::nodes::{self, EASE, FOLLOW, KEY, MATERIAL_NODE, NAME, OF, TURN};
+use crate::text::nodes::{self, MATERIAL_NODE, NAME, OF};
 use crate::text::report::Report;
 
 /// The largest nesting depth of nodes.
@@ -40,10 +40,10 @@ fn is_plain(node: &Node) -> bool {
     let named = node.properties.iter().any(|property| *property.key == *NAME.name())
         || !node.values.is_empty() && nodes::object(&node.name).is_some_and(|o| nodes::has_name_first(&o.schema));
     let said = |child: &Node| {
-        let apart = [NAME.name(), OF.name(), KEY, FOLLOW.name, EASE.name(), TURN.name()].contains(&&*child.name);
+        let apart = [NAME.name(), OF.name()].contains(&&*child.name) || nodes::is_of_time(&child.name);
         !(apart || child.broken) && child.children.is_empty()
     };
-    !(node.broken || named) && known && node.children.iter().all(said)
+    !(node.broken || named) && known && node.children.iter().all(said) && !nodes::has_text_for_number(node)
 }
 
 /// Parses the values and properties in `text`, at `base` of its file, into a node. `true` may stand for `#true`.

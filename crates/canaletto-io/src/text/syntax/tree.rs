@@ -1,6 +1,7 @@
 //! The syntax tree of a file.
 
 use crate::text::animate::Keys;
+use crate::text::arithmetic::Repeat;
 use crate::text::nodes::{INSTANCE, LIGHT, MATERIAL_NODE, OF};
 use std::num::NonZeroU8;
 use std::sync::Arc;
@@ -28,6 +29,8 @@ pub(crate) struct Node {
     /// The number of nodes that a packed node represents. Its name is that of the first; most of its values and its
     /// children are omitted and must be parsed again: see [`super::unpack`].
     pub(crate) packed: Option<NonZeroU8>,
+    /// How the copies of a `repeat` differ, once it is prepared.
+    pub(crate) repeat: Option<Arc<Repeat>>,
     /// The keys, once they are moved out of the children.
     pub(crate) keys: Option<Arc<Keys>>,
     /// The values at the sample times while the shutter is open, if keys change them; otherwise empty.
@@ -68,8 +71,22 @@ impl Node {
             children: Vec::new(),
             broken: false,
             packed: None,
+            repeat: None,
             keys: None,
             moving: Vec::new(),
+        }
+    }
+
+    pub(crate) fn clone_without_children(&self) -> Node {
+        Node {
+            name: self.name.clone(),
+            values: self.values.clone(),
+            properties: self.properties.clone(),
+            children: Vec::new(),
+            repeat: self.repeat.clone(),
+            keys: self.keys.clone(),
+            moving: self.moving.clone(),
+            ..*self
         }
     }
 
