@@ -253,6 +253,49 @@ fn a_ray_needs_no_camera() {
     }
 }
 
+/// Each ray has a node, with the colour of its sum, and below each hit are its lights.
+#[test]
+fn drawings_have_a_node_for_each_ray() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --transfer srgb";
+    let file = folder.path().join("t.svg");
+    let text = explained(&root(), &format!("{scene} --svg {}", file.display()));
+    assert!(text.contains("equal, bit for bit"), "{text}");
+    let svg = std::fs::read_to_string(&file).unwrap();
+    assert_eq!(svg, explained(&root(), &format!("{scene} --svg -")));
+    // The ball from outside and from inside, then the background. Each hit has one light.
+    let count = |part: &str| svg.matches(part).count();
+    assert_eq!([count("class=\"node\""), count("<circle"), count("T, 1 − o = 0.60")], [3, 2, 2], "{svg}");
+    assert!(
+        svg.contains("<title>background</title>") && svg.contains("<title>omni light #1: 0.001 0.001 0.632</title>")
+    );
+    // The first swatch is the pixel, as its developed bytes show it.
+    let bytes = tree(scene)["developed"]["values"]["bytes"].clone();
+    let [r, g, b] = [0, 1, 2].map(|i| bytes[i].as_u64().unwrap());
+    assert!(svg.contains(&format!("fill=\"#{r:02x}{g:02x}{b:02x}\"")), "{svg}");
+    // All elements are closed, in their order.
+    for (file, most) in [(svg.clone(), 3), (explained(&root(), "scenes/still-life.kdl -p 520,330 --svg -"), 40)] {
+        let mut open = Vec::new();
+        for tag in file.split('<').skip(1) {
+            let tag = tag.split('>').next().unwrap();
+            let name = tag.split([' ', '/']).find(|name| !name.is_empty()).unwrap();
+            match () {
+                () if tag.starts_with('/') => assert_eq!(open.pop(), Some(name), "{tag}"),
+                () if tag.ends_with('/') => {}
+                () => open.push(name),
+            }
+        }
+        assert!(open.is_empty() && file.matches("class=\"node\"").count() <= most, "{open:?}");
+    }
+    assert_eq!(explained(&root(), &format!("{scene} --levels 1 --svg -")).matches("2 more rays").count(), 1);
+    // Names are text, whatever they hold.
+    let hostile = r#"material "m" { kd 0.5 }
+        sphere name="<b>\"&" material="m" { center 0 0 0; radius 1 }"#;
+    std::fs::write(folder.path().join("s.kdl"), hostile).unwrap();
+    let svg = explained(folder.path(), "s.kdl --ray 0,0,5,0,0,-1 --svg -");
+    assert!(svg.contains("&lt;b&gt;&quot;&amp;") && !svg.contains("<b>"), "{svg}");
+}
+
 const MIXED: &str = r#"
     camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
     film { sample "center" }

@@ -4,6 +4,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, pixel};
 use crate::format::{JSON_VERSION, count};
+use crate::output::write_file;
 use crate::settings::Settings;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, on_threads, seen_through};
@@ -14,6 +15,7 @@ use canaletto::render::Job;
 use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
 use clap::Args;
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// Explains a pixel: the tree of rays behind it, with every term of the shading equation as a number.
 ///
@@ -73,10 +75,15 @@ pub(crate) struct ExplainFlags {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=17), help_heading = "Messages")]
     pub digits: Option<u8>,
 
-    /// Adds the numbers on the chapter's way: the camera's axes, each object that the ray is tried against, the equation
-    /// of the intersection, the vectors of reflection and refraction, the factors of light
+    /// Adds the numbers on the chapter's way: the camera's axes, each object that the ray is tried against, the
+    /// equation of the intersection, the vectors of reflection and refraction, the factors of light
     #[arg(long, help_heading = "Messages")]
     pub steps: bool,
+
+    /// Draws the tree of rays too, as in fig. 5.29: surfaces with their colours, rays with their factors. - prints the
+    /// drawing alone
+    #[arg(long, value_name = "FILE.svg", help_heading = "Messages")]
+    pub svg: Option<PathBuf>,
 
     /// Prints JSON, with the sum of all terms as `sum`
     #[arg(long, help_heading = "Messages")]
@@ -89,6 +96,7 @@ Examples:
   canaletto explain fig-5.23b-shadow.kdl --pixel 115,149 --y-up    # the same pixel of 230 rows
   canaletto explain fig-5.23b-shadow.kdl --pixel 115,80 --steps --digits 4
   canaletto explain fig-5.23b-shadow.kdl --ray 100,40,40,-1,-0.2,-0.4
+  canaletto explain glass.kdl --pixel 60,40 --svg tree.svg
   canaletto explain glass.kdl --pixel 60,40 --json | jq .sum";
 
 /// A tree of rays with the sum of its terms.
@@ -116,6 +124,13 @@ impl Explained {
         }
     }
 
+    fn svg(&self, levels: Option<u32>) -> String {
+        match self {
+            Explained::Pixel(tree) => tree.svg(levels),
+            Explained::Ray(tree) => tree.svg(levels),
+        }
+    }
+
     fn text(&self, style: &TextStyle) -> String {
         match self {
             Explained::Pixel(tree) => tree.text(style),
@@ -135,6 +150,12 @@ fn ray(text: &str) -> Result<[f64; 6], String> {
 /// Runs the command.
 pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
     let tree = on_threads(flags.source.threads, || tree(flags))??;
+    if let Some(file) = &flags.svg {
+        write_file(file, tree.svg(flags.levels).as_bytes())?;
+        if file == Path::new("-") {
+            return Ok(Exit::Done);
+        }
+    }
     if flags.json {
         let json = serde_json::to_string_pretty(&WithSum { version: JSON_VERSION, sum: tree.sum(), tree: &tree })
             .map_err(|e| Failure::new(Exit::Failed, format!("the tree can't be written as JSON: {e}")))?;

@@ -1,5 +1,5 @@
-//! Intersections as the chapter computes them, in f64: the quadratic equation of a sphere, the plane and the barycentric
-//! coordinates of a triangle, the pairs of faces of a box. Other shapes are asked for their nearest hit.
+//! Intersections as the chapter computes them, in f64: the quadratic equation of a sphere, the plane and the
+//! barycentric coordinates of a triangle, the pairs of faces of a box. Other shapes are asked for their nearest hit.
 
 use crate::math::DRay;
 use crate::shape::{Cuboid, Plane, Shape, Sphere, Triangle};

@@ -22,6 +22,7 @@ mod steps_text;
 mod text;
 mod text_writer;
 mod tree;
+mod tree_svg;
 mod tried_objects;
 
 pub use developed::{DevelopedNode, DevelopedValues};

@@ -83,7 +83,7 @@ impl PixelTree {
     }
 
     /// The sample whose colour is nearest to the pixel's.
-    fn nearest_to_mean(&self) -> usize {
+    pub(super) fn nearest_to_mean(&self) -> usize {
         let distance = |sample: &SampleNode| {
             let [r, g, b] = (sample.ray.color - self.color).to_array().map(f64::from);
             r * r + g * g + b * b

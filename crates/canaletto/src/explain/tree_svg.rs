@@ -1,0 +1,247 @@
+//! The tree of rays as a drawing (fig. 5.29): surfaces with swatches of their colours, rays with their factors, and a
+//! mark for each light.
+
+use super::ray_tree::RayTree;
+use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode};
+use crate::film::srgb_encode;
+use crate::integrator::RayKind;
+use crate::math::Rgb;
+use std::fmt::Write;
+
+/// The size of a node, the gap beside it and the distance of rows, in pixels.
+const NODE: [f64; 2] = [148.0, 62.0];
+const GAP: f64 = 16.0;
+const ROW: f64 = 128.0;
+
+/// The space above the first row, for the first ray.
+const TOP: f64 = 56.0;
+
+/// The most nodes of a drawing that has no number of levels.
+const MOST_NODES: usize = 40;
+
+/// The most lights with a mark of their own.
+const MOST_LIGHTS: usize = 8;
+
+/// The most letters of a name.
+const MOST_LETTERS: usize = 20;
+
+impl PixelTree {
+    /// The tree of the sample that [`PixelTree::text`] chooses as SVG. `levels` is the number of rows; none stands for
+    /// as many as are easy to look at.
+    pub fn svg(&self, levels: Option<u32>) -> String {
+        let [x, y] = self.pixel;
+        let (index, count) = (self.nearest_to_mean(), self.samples.len());
+        let sample = if count > 1 { format!(", sample {} of {count}", index + 1) } else { String::new() };
+        match self.samples.get(index) {
+            Some(sampled) => drawing(&sampled.ray, levels, &format!("pixel ({x}, {y}){sample}")),
+            None => drawing_of(&[], 0.0, 0, "no sample"),
+        }
+    }
+}
+
+impl RayTree {
+    /// The tree as SVG, as [`PixelTree::svg`].
+    pub fn svg(&self, levels: Option<u32>) -> String {
+        drawing(&self.ray, levels, "a ray")
+    }
+}
+
+/// A node with its place.
+struct Placed<'t> {
+    ray: &'t RayNode,
+    /// The middle of its upper edge.
+    at: [f64; 2],
+    /// The index of its parent.
+    parent: Option<usize>,
+    /// The number of rays below it that aren't drawn.
+    hidden: usize,
+}
+
+fn drawing(ray: &RayNode, levels: Option<u32>, title: &str) -> String {
+    let levels = levels.unwrap_or_else(|| {
+        let deepest = super::ray_text::levels_of(ray);
+        (1..=deepest).take_while(|&levels| nodes_of(ray, levels) <= MOST_NODES).last().unwrap_or(1)
+    });
+    let (mut placed, mut next) = (Vec::new(), GAP);
+    place(ray, None, 1, levels, &mut placed, &mut next);
+    let rows = placed.iter().map(|node| node.at[1]).fold(0.0, f64::max);
+    drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title)
+}
+
+/// The number of nodes down to a level.
+fn nodes_of(ray: &RayNode, levels: u32) -> usize {
+    if levels == 0 {
+        return 0;
+    }
+    1 + children_of(ray).map(|child| nodes_of(child, levels - 1)).sum::<usize>()
+}
+
+fn children_of(ray: &RayNode) -> impl Iterator<Item = &RayNode> {
+    let hit = match &ray.outcome {
+        Outcome::Hit(hit) => Some(hit),
+        Outcome::Miss { .. } => None,
+    };
+    hit.into_iter().flat_map(|hit| hit.children.iter().chain(&hit.behind))
+}
+
+/// Places a node above the middle of its children, and returns the middle of its upper edge.
+fn place<'t>(
+    ray: &'t RayNode,
+    parent: Option<usize>,
+    level: u32,
+    levels: u32,
+    placed: &mut Vec<Placed<'t>>,
+    next: &mut f64,
+) -> f64 {
+    let index = placed.len();
+    let y = TOP + f64::from(level - 1) * ROW;
+    placed.push(Placed { ray, at: [0.0, y], parent, hidden: 0 });
+    let mut middles = Vec::new();
+    for child in children_of(ray) {
+        if level < levels {
+            middles.push(place(child, Some(index), level + 1, levels, placed, next));
+        } else {
+            placed[index].hidden += nodes_of(child, u32::MAX);
+        }
+    }
+    let x = match (middles.first(), middles.last()) {
+        (Some(first), Some(last)) => (first + last) / 2.0,
+        _ => {
+            let x = *next + NODE[0] / 2.0;
+            *next += NODE[0] + GAP;
+            x
+        }
+    };
+    placed[index].at[0] = x;
+    x
+}
+
+fn drawing_of(placed: &[Placed], width: f64, rows: u32, title: &str) -> String {
+    let height = TOP + f64::from(rows) * ROW;
+    let width = width.max(320.0);
+    let mut svg = String::new();
+    // A string takes all that is written.
+    let _ = write!(
+        svg,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\n{STYLE}<rect class=\"paper\" \
+         width=\"{width}\" height=\"{height}\"/>\n<text x=\"{GAP}\" y=\"20\">{}: the tree of rays</text>\n",
+        escaped(title)
+    );
+    for node in placed {
+        write_edge(&mut svg, node, node.parent.map(|parent| placed[parent].at));
+    }
+    placed.iter().for_each(|node| write_node(&mut svg, node));
+    svg + "</svg>\n"
+}
+
+/// Light and dark, as the reader's page is.
+const STYLE: &str = "<style>.paper{fill:#fff}text{fill:#222}.ray{stroke:#555;fill:none}.node{fill:#f4f4f4;stroke:#888}\
+                     .mark{stroke:#888}@media(prefers-color-scheme:dark){.paper{fill:#16181c}text{fill:#ddd}\
+                     .ray{stroke:#aaa}.node{fill:#24272d;stroke:#777}}</style>\n";
+
+fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
+    let [x, y] = node.at;
+    let [from_x, from_y] = parent.map_or([x, 30.0], |[x, y]| [x, y + NODE[1] + 14.0]);
+    let name = match node.ray.kind {
+        RayKind::Eye => String::new(),
+        RayKind::Reflected => format!("R, k = {}", factor(node.ray.factor)),
+        RayKind::Refracted => format!("T, 1 − o = {}", factor(node.ray.factor)),
+        RayKind::TotallyReflected => format!("total R, 1 − o = {}", factor(node.ray.factor)),
+        RayKind::Passed => format!("on, {}", factor(node.ray.factor)),
+    };
+    let _ = writeln!(svg, "<path class=\"ray\" d=\"M{from_x:.1} {from_y:.1}L{x:.1} {y:.1}\"/>");
+    let (label_x, label_y) = ((from_x + 2.0 * x) / 3.0, (from_y + 2.0 * y) / 3.0);
+    if !name.is_empty() {
+        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{label_y:.1}\" font-size=\"11\">{name}</text>", label_x + 5.0);
+    }
+}
+
+fn write_node(svg: &mut String, node: &Placed) {
+    let [x, y] = node.at;
+    let left = x - NODE[0] / 2.0;
+    let name = match &node.ray.outcome {
+        Outcome::Hit(hit) => &hit.object,
+        Outcome::Miss { environment: Some(_), .. } => "environment",
+        Outcome::Miss { environment: None, .. } => "background",
+    };
+    let mut short: String = name.chars().take(MOST_LETTERS).collect();
+    if short.len() < name.len() {
+        short.push('…');
+    }
+    let color = node.ray.color;
+    let [r, g, b] = color.to_array().map(|v| format!("{v:.3}"));
+    let [width, height] = NODE;
+    let _ = write!(
+        svg,
+        "<g><title>{}</title><rect class=\"node\" x=\"{left:.1}\" y=\"{y:.1}\" width=\"{width}\" height=\"{height}\" \
+         rx=\"5\"/><rect class=\"mark\" x=\"{:.1}\" y=\"{:.1}\" width=\"22\" height=\"50\" fill=\"{}\"/>\
+         <text x=\"{:.1}\" y=\"{:.1}\">{}</text><text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\">{r} {g} {b}</text>",
+        escaped(name),
+        left + 6.0,
+        y + 6.0,
+        hex(color),
+        left + 34.0,
+        y + 18.0,
+        escaped(&short),
+        left + 34.0,
+        y + 34.0
+    );
+    if let Outcome::Hit(hit) = &node.ray.outcome {
+        write_lights(svg, hit, left + 34.0, y + 48.0);
+    }
+    if node.hidden > 0 {
+        let rays = super::text_writer::counted(node.hidden, "more ray");
+        let _ = write!(svg, "<text x=\"{left:.1}\" y=\"{:.1}\" font-size=\"10\">{rays}</text>", y + height + 14.0);
+    }
+    let _ = writeln!(svg, "</g>");
+}
+
+/// Writes a round mark for each light: its part of the colour, or a cross if nothing of it arrives.
+fn write_lights(svg: &mut String, hit: &HitNode, x: f64, y: f64) {
+    let lights: Vec<&[LightNode]> = hit.lights.chunk_by(|a, b| a.light == b.light && a.point < b.point).collect();
+    for (index, points) in lights.iter().take(MOST_LIGHTS).enumerate() {
+        let sum = points.iter().fold(Rgb::BLACK, |sum, point| sum + point.contribution);
+        let (cx, cross) = (x + 5.0 + 13.0 * index as f64, sum.is_black());
+        let [r, g, b] = sum.to_array().map(|v| format!("{v:.3}"));
+        let title = format!("{}: {r} {g} {b}", points[0].light);
+        let fill = if cross { "none".to_owned() } else { hex(sum) };
+        let _ = write!(
+            svg,
+            "<g><title>{}</title><circle class=\"mark\" cx=\"{cx:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{fill}\"/>",
+            escaped(&title)
+        );
+        if cross {
+            let _ = write!(svg, "<path class=\"ray\" d=\"M{:.1} {:.1}l8 -8\"/>", cx - 4.0, y + 4.0);
+        }
+        let _ = write!(svg, "</g>");
+    }
+}
+
+/// A factor as one number if it is gray.
+fn factor(Rgb { r, g, b }: Rgb) -> String {
+    if r == g && g == b { format!("{r:.2}") } else { format!("({r:.2}, {g:.2}, {b:.2})") }
+}
+
+/// A colour as it is shown on a screen.
+fn hex(color: Rgb) -> String {
+    let [r, g, b] = color.to_array().map(|v| {
+        let displayed = srgb_encode(if v > 0.0 { v.min(1.0) } else { 0.0 });
+        (displayed * 255.0 + 0.5) as u8
+    });
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// Text for XML. Characters that XML has no place for become spaces.
+fn escaped(text: &str) -> String {
+    text.chars()
+        .map(|c| match c {
+            '&' => "&amp;".to_owned(),
+            '<' => "&lt;".to_owned(),
+            '>' => "&gt;".to_owned(),
+            '"' => "&quot;".to_owned(),
+            c if c.is_control() => " ".to_owned(),
+            c => c.to_string(),
+        })
+        .collect()
+}
