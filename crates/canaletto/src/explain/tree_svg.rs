@@ -13,6 +13,9 @@ const NODE: [f64; 2] = [148.0, 62.0];
 const GAP: f64 = 16.0;
 const ROW: f64 = 128.0;
 
+/// The space on both sides, for labels beside the outermost rays.
+const LABEL: f64 = 72.0;
+
 /// The space above the first row, for the first ray.
 const TOP: f64 = 56.0;
 
@@ -62,7 +65,7 @@ fn drawing(ray: &RayNode, levels: Option<u32>, title: &str) -> String {
         let deepest = super::ray_text::levels_of(ray);
         (1..=deepest).take_while(|&levels| nodes_of(ray, levels) <= MOST_NODES).last().unwrap_or(1)
     });
-    let (mut placed, mut next) = (Vec::new(), GAP);
+    let (mut placed, mut next) = (Vec::new(), LABEL);
     place(ray, None, 1, levels, &mut placed, &mut next);
     let rows = placed.iter().map(|node| node.at[1]).fold(0.0, f64::max);
     drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title)
@@ -118,7 +121,8 @@ fn place<'t>(
 
 fn drawing_of(placed: &[Placed], width: f64, rows: u32, title: &str) -> String {
     let height = TOP + f64::from(rows) * ROW;
-    let width = width.max(320.0);
+    // The last label may be wider than its node.
+    let width = (width + LABEL).max(320.0);
     let mut svg = String::new();
     // A string takes all that is written.
     let _ = write!(
@@ -142,7 +146,7 @@ const STYLE: &str = "<style>.paper{fill:#fff}text{fill:#222}.ray{stroke:#555;fil
 
 fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
     let [x, y] = node.at;
-    let [from_x, from_y] = parent.map_or([x, 30.0], |[x, y]| [x, y + NODE[1] + 14.0]);
+    let [from_x, from_y] = parent.map_or([x, 30.0], |[x, y]| [x, y + NODE[1]]);
     let name = match node.ray.kind {
         RayKind::Eye => String::new(),
         RayKind::Reflected => format!("R, k = {}", factor(node.ray.factor)),
@@ -153,7 +157,13 @@ fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
     let _ = writeln!(svg, "<path class=\"ray\" d=\"M{from_x:.1} {from_y:.1}L{x:.1} {y:.1}\"/>");
     let (label_x, label_y) = ((from_x + 2.0 * x) / 3.0, (from_y + 2.0 * y) / 3.0);
     if !name.is_empty() {
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{label_y:.1}\" font-size=\"11\">{name}</text>", label_x + 5.0);
+        // The label stands on the outer side of the line.
+        let (side, anchor) = if x < from_x { (-5.0, "end") } else { (5.0, "start") };
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{label_y:.1}\" font-size=\"11\" text-anchor=\"{anchor}\">{name}</text>",
+            label_x + side
+        );
     }
 }
 
