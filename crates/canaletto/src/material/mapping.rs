@@ -34,7 +34,7 @@ impl Mapping {
             TextureKind::Constant(_) | TextureKind::Image(_) => Mapping::default(),
             TextureKind::Procedural(procedural) => match procedural.function {
                 // A ramp is a texture of a line, namely of u.
-                Function::Gradient { shape: Gradient::Linear, .. } => Mapping::default(),
+                Function::Gradient { shape: Gradient::Linear, axis: None, .. } => Mapping::default(),
                 _ => Mapping { projection: Projection::Solid, space: Space::Object, ..Mapping::default() },
             },
             // The grid's cube from 0 to 1 covers the object's bounds, which are a cube around the origin.

@@ -9,7 +9,7 @@ use super::ramp::RampTable;
 use super::worley;
 use super::{Lookup, Ramp, Wrap};
 use crate::{OutOfRange, named};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A computed texture.
@@ -35,6 +35,10 @@ pub enum Function {
         shape: Gradient,
         /// The continuation of the ramp outside of 0 to 1.
         wrap: Wrap,
+        /// The direction that a linear gradient grows in, or the axis of a cylindrical or angular one. Of any length but
+        /// 0; `None` is x for a linear gradient and y for the others.
+        #[serde(default)]
+        axis: Option<Vec3>,
     },
     /// Perlin's noise, mapped from −1 to 1 to 0 to 1.
     Noise,
@@ -69,14 +73,15 @@ pub enum Function {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Gradient {
-    /// The coordinate x, which is u for a texture of a line.
+    /// The coordinate along the axis, by default x, which is u for a texture of a line.
     #[default]
     Linear,
-    /// The distance from the y axis.
+    /// The distance from the axis, by default y.
     Cylindrical,
     /// The distance from the origin.
     Spherical,
-    /// The angle around the y axis, from z towards x, as a share of the full turn, 0 to 1.
+    /// The angle around the axis as a share of the full turn, 0 to 1: around y, from z towards x. Another axis is what y
+    /// becomes by the shortest turn, which turns z and x with it.
     Angular,
 }
 
@@ -140,6 +145,12 @@ impl Procedural {
             Function::Fbm(spectrum) | Function::Turbulence(spectrum) => Some((spectrum, 0.0)),
             Function::Marble { spectrum, strength } | Function::Wood { spectrum, strength } => {
                 Some((spectrum, strength))
+            }
+            Function::Gradient { axis: Some(axis), .. } if axis.as_dvec3().try_normalize().is_none() => {
+                return Err(OutOfRange::new(
+                    "axis",
+                    format!("is {} {} {}; it needs a direction", axis.x, axis.y, axis.z),
+                ));
             }
             Function::Worley { jitter, .. } if !(0.0..=1.0).contains(&jitter) => {
                 return Err(OutOfRange::new("jitter", format!("is {jitter}; it must be between 0 and 1")));
@@ -242,15 +253,7 @@ impl Computed {
         };
         match self.function {
             Function::Checker => exact(0.0),
-            Function::Gradient { shape, .. } => exact(match shape {
-                Gradient::Linear => p.x,
-                Gradient::Cylindrical => (p.x * p.x + p.z * p.z).sqrt(),
-                Gradient::Spherical => p.length(),
-                Gradient::Angular => {
-                    let turn = libm::atan2(p.x, p.z) * (0.5 / std::f64::consts::PI);
-                    if turn < 0.0 { turn + 1.0 } else { turn }
-                }
-            }),
+            Function::Gradient { shape, axis, .. } => exact(gradient(shape, axis, p)),
             Function::Noise => {
                 let one = Octaves { count: 1, lacunarity: 1.0, gain: 1.0 };
                 placed(self.noise.fbm(p, one, width), 0.5, 0.5)
@@ -304,6 +307,34 @@ impl Computed {
     }
 }
 
+/// A point turned by the shortest turn of a unit axis to y (Rodrigues' formula).
+fn turned_to_y(axis: DVec3, p: DVec3) -> DVec3 {
+    let (v, cos) = (axis.cross(DVec3::Y), axis.y);
+    // The axis −y has no shortest turn; it is turned around x.
+    if 1.0 + cos < 1e-12 {
+        return DVec3::new(p.x, -p.y, -p.z);
+    }
+    p + v.cross(p) + v.cross(v.cross(p)) / (1.0 + cos)
+}
+
+/// The value of a gradient.
+fn gradient(shape: Gradient, axis: Option<Vec3>, p: DVec3) -> f64 {
+    let p = match (shape, axis.map(|axis| axis.as_dvec3().normalize())) {
+        (Gradient::Linear, Some(axis)) => return p.dot(axis),
+        (Gradient::Spherical, _) | (_, None) => p,
+        (_, Some(axis)) => turned_to_y(axis, p),
+    };
+    match shape {
+        Gradient::Linear => p.x,
+        Gradient::Cylindrical => (p.x * p.x + p.z * p.z).sqrt(),
+        Gradient::Spherical => p.length(),
+        Gradient::Angular => {
+            let turn = libm::atan2(p.x, p.z) * (0.5 / std::f64::consts::PI);
+            if turn < 0.0 { turn + 1.0 } else { turn }
+        }
+    }
+}
+
 /// The mean over an interval of this width of the function that is 1 from 0 to 1, −1 from 1 to 2, and so on.
 fn square_wave(x: f64, width: f64) -> f64 {
     // The antiderivative rises and falls in each period of 2.
@@ -333,10 +364,10 @@ mod tests {
         let spectrum = Spectrum::default();
         vec![
             Function::Checker,
-            Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Mirror },
-            Function::Gradient { shape: Gradient::Cylindrical, wrap: Wrap::Repeat },
-            Function::Gradient { shape: Gradient::Spherical, wrap: Wrap::Repeat },
-            Function::Gradient { shape: Gradient::Angular, wrap: Wrap::Repeat },
+            Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Mirror, axis: None },
+            Function::Gradient { shape: Gradient::Cylindrical, wrap: Wrap::Repeat, axis: None },
+            Function::Gradient { shape: Gradient::Spherical, wrap: Wrap::Repeat, axis: None },
+            Function::Gradient { shape: Gradient::Angular, wrap: Wrap::Repeat, axis: None },
             Function::Noise,
             Function::Fbm(spectrum),
             Function::Turbulence(spectrum),
@@ -380,11 +411,39 @@ mod tests {
         let ramp = Ramp { stops: vec![stop(0.0, 0.2), stop(0.3, 1.0)], interpolation: Interpolation::Step };
         // The interval from 0.25 to 0.375, of which 0.05 lie below the step.
         let exact = (0.05 * 0.2 + 0.075 * 1.0) / 0.125;
-        let linear = Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Clamp };
+        let linear = Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Clamp, axis: None };
         for (dx, dy) in [(DVec3::X * 0.125, DVec3::Y), (DVec3::Z, DVec3::X * -0.125)] {
             let value = computed(linear, ramp.clone()).eval(&Lookup { at: DVec3::X * 0.3125, dx, dy });
             assert!((f64::from(value[0]) - exact).abs() < 1e-6, "{value:?} for {exact}");
         }
+    }
+
+    #[test]
+    fn gradients_have_an_axis() {
+        let stop = |at: f32, v: f32| Stop { at, color: [v, v, v, 1.0] };
+        let ramp = Ramp { stops: vec![stop(0.0, 0.0), stop(1.0, 1.0)], interpolation: Interpolation::Linear };
+        let at = |shape, axis: Vec3, p: DVec3| {
+            let function = Function::Gradient { shape, wrap: Wrap::Clamp, axis: Some(axis) };
+            computed(function, ramp.clone()).eval(&Lookup::point(p))[0]
+        };
+        let near = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 1e-6, "{a} for {b}");
+        near(at(Gradient::Linear, Vec3::Y * 7.0, DVec3::new(9.0, 0.3, 9.0)), 0.3);
+        near(at(Gradient::Linear, Vec3::ONE, DVec3::splat(0.2)), 0.2 * 3f64.sqrt());
+        near(at(Gradient::Linear, -Vec3::X, DVec3::new(-0.25, 5.0, 0.0)), 0.25);
+        // The distance from a line (Weisstein, Point-Line Distance): |p × a|.
+        let (axis, p) = (Vec3::new(1.0, 2.0, -2.0), DVec3::new(0.1, 0.2, 0.3));
+        near(at(Gradient::Cylindrical, axis, p), p.cross(axis.as_dvec3() / 3.0).length());
+        near(at(Gradient::Spherical, axis, p), p.length());
+        // y turns to z, and with it z to −y; x stays.
+        near(at(Gradient::Angular, Vec3::Z, DVec3::new(0.0, -2.0, 5.0)), 0.0);
+        near(at(Gradient::Angular, Vec3::Z, DVec3::new(3.0, 0.0, 5.0)), 0.25);
+        near(at(Gradient::Angular, Vec3::Z, DVec3::new(0.0, 1.0, 0.0)), 0.5);
+        for shape in [Gradient::Cylindrical, Gradient::Angular, Gradient::Spherical] {
+            let none = Function::Gradient { shape, wrap: Wrap::Clamp, axis: None };
+            near(at(shape, Vec3::Y, p), f64::from(computed(none, ramp.clone()).eval(&Lookup::point(p))[0]));
+        }
+        let flat = Function::Gradient { shape: Gradient::Linear, wrap: Wrap::Clamp, axis: Some(Vec3::ZERO) };
+        assert_eq!(Procedural { function: flat, ramp, seed: 0 }.check().unwrap_err().field, Some("axis"));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use canaletto::texture::{
     Feature, Function, Gradient, Interpolation, Procedural, Ramp, Spectrum, Stop, TextureKind, Wrap,
 };
 use canaletto::{Named, OutOfRange};
+use glam::Vec3;
 
 const STOPS: Field<Numbers> = Field::groups("stops", 4, "colours at places: the place, then red, green and blue")
     .colors()
@@ -54,7 +55,7 @@ pub(super) static RAMP: TextureNode = texture_node(
     "texture \"rainbow\" kind=\"ramp\" { stops 0 1 0 0  0.5 0 1 0  1 0 0 1; interpolation \"smooth\"; wrap \"mirror\" }",
     |decoder, f| {
         let ramp = decoder.ramp(f)?;
-        decoder.procedural(f, Function::Gradient { shape: Gradient::Linear, wrap: ramp_wrap(f) }, ramp, 0)
+        decoder.procedural(f, Function::Gradient { shape: Gradient::Linear, wrap: ramp_wrap(f), axis: None }, ramp, 0)
     },
 );
 
@@ -73,18 +74,26 @@ pub(super) static CHECKER: TextureNode = texture_node(
 
 const SHAPE: Field<Gradient> = Field::word(
     "shape",
-    "x, the distance from the y axis, the distance from the origin, or the angle around the y axis as a share of the whole turn",
+    "the coordinate along the axis, the distance from the axis or from the origin, or the angle around the axis as a share of the whole turn",
 )
 .or(|| quoted(Gradient::default().name()));
 
+const GRADIENT_AXIS: Field<Vec3> = Field::new("axis", "the direction of a linear gradient, or the axis of the others")
+    .or(|| "1 0 0 for \"linear\", 0 1 0 for the others".into());
+
 pub(super) static GRADIENT: TextureNode = texture_node(
     "Colours by a distance or an angle.",
-    &[&[kind(&["gradient"]).needed().schema, SHAPE.schema, RAMP_WRAP.schema], COLORS],
+    &[&[kind(&["gradient"]).needed().schema, SHAPE.schema, GRADIENT_AXIS.schema, RAMP_WRAP.schema], COLORS],
     "texture \"rings\" kind=\"gradient\" { shape \"spherical\"; wrap \"repeat\" }",
     |decoder, f| {
         let shape = f.word(&SHAPE).unwrap_or_default();
+        let axis = f.get(&GRADIENT_AXIS);
+        if shape == Gradient::Spherical && f.has(&GRADIENT_AXIS) {
+            decoder
+                .out_of_range(f, &OutOfRange::new(GRADIENT_AXIS.name(), "has no meaning for the shape \"spherical\""));
+        }
         let ramp = decoder.ramp(f)?;
-        decoder.procedural(f, Function::Gradient { shape, wrap: ramp_wrap(f) }, ramp, 0)
+        decoder.procedural(f, Function::Gradient { shape, wrap: ramp_wrap(f), axis }, ramp, 0)
     },
 );
 
