@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use canaletto::InstructionSet;
 use std::env;
 
-const VARIABLE: &str = "CANALETTO_INSTRUCTION_SET";
+/// The variable's name.
+pub(crate) const VARIABLE: &str = "CANALETTO_INSTRUCTION_SET";
 
 /// Limits the instructions to the set that the variable names, if it is set.
 pub(crate) fn choose() -> Result<(), Failure> {
