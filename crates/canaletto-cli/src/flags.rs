@@ -121,8 +121,8 @@ pub(crate) struct PictureFlags {
 
     /// Selects the integrator: how the picture is made [default: the scene's, or whitted]
     ///
-    /// The settings are the scene's if it names the same integrator, else the integrator's defaults. --set changes them,
-    /// such as --integrator zbuffer --set integrator.shadows=none.
+    /// The settings are the scene's if it names the same integrator, else the integrator's defaults. --set changes
+    /// them, such as --integrator zbuffer --set integrator.shadows=none.
     #[arg(long, value_name = "NAME", value_parser = named::<Integrator>(), help_heading = "Light")]
     pub integrator: Option<Integrator>,
 

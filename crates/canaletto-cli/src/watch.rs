@@ -46,8 +46,8 @@ fn stamp(file: &Path) -> Stamp {
     Some((found.modified().ok()?, found.len()))
 }
 
-/// Renders again and again, each time after a change of a file in `log`. A change stops a render that runs. A mistake in
-/// a scene is printed, and the next change may correct it. Ends after a signal, or if the command line is wrong from
+/// Renders again and again, each time after a change of a file in `log`. A change stops a render that runs. A mistake
+/// in a scene is printed, and the next change may correct it. Ends after a signal, or if the command line is wrong from
 /// the start.
 pub(crate) fn watch(
     log: &ReadLog,

@@ -132,6 +132,9 @@ impl ImageError {
 /// The largest value of an image. Larger values, which no image means, are clamped.
 const BRIGHTEST: f32 = Image::MAX_VALUE;
 
+/// The largest total memory of a scene's or a model's images in bytes.
+pub(crate) const MAX_IMAGE_BYTES: u64 = 8 << 30;
+
 /// The memory in bytes that any file may take.
 const SMALL: u64 = 64 << 20;
 

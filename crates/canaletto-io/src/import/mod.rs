@@ -26,6 +26,7 @@ mod smooth;
 mod staging;
 mod table_color;
 mod text;
+mod texture_map;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
 pub use formats::{FORMATS, Holds, ModelFormat};

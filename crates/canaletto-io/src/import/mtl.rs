@@ -16,15 +16,23 @@
 //!
 //! Materials other than glass don't refract: eta = 1, whatever `Ni` is, because exporters write `Ni` with every
 //! material. `Ka` is ignored without a warning, since the scene's ambient light acts on kd and every exporter writes
-//! it. Other words are ignored with a warning. An invalid number causes a warning and keeps its default. Words may be
-//! in capitals.
+//! it; so is `map_Ka`. [Pictures](super::texture_map) are textures of the material. Other words are ignored with a
+//! warning. An invalid number causes a warning and keeps its default. Words may be in capitals.
 
 use super::color::{ROUNDED, Scale};
 use super::ignored::Ignored;
 use super::lines::{ImportError, Token, Tokens, lines};
-use crate::diagnostic::Diagnostics;
+use super::texture_map::{MapKind, TextureMap};
+use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
+
+/// A material with the pictures that it names.
+#[derive(Debug)]
+pub(super) struct MtlMaterial {
+    pub(super) material: Material,
+    pub(super) maps: Vec<TextureMap>,
+}
 
 /// The words of a material that is being read.
 struct Draft<'a> {
@@ -39,6 +47,7 @@ struct Draft<'a> {
     filter: Option<Rgb>,
     illum: Option<u32>,
     emission: Rgb,
+    maps: Vec<TextureMap>,
 }
 
 impl Draft<'_> {
@@ -54,6 +63,7 @@ impl Draft<'_> {
             filter: None,
             illum: None,
             emission: Rgb::BLACK,
+            maps: Vec::new(),
         }
     }
 
@@ -87,7 +97,7 @@ impl Draft<'_> {
         }
     }
 
-    fn finish(self, ignored: &mut Ignored) -> Material {
+    fn finish(mut self, file: &str, ignored: &mut Ignored, warnings: &mut Diagnostics) -> MtlMaterial {
         let plain = Phong::default();
         let (share, glass) = (self.share(ignored), self.is_glass());
         let (coverage, opacity) = if glass { (1.0, share) } else { (share, 1.0) };
@@ -102,13 +112,37 @@ impl Draft<'_> {
             emission: self.emission,
             ..plain
         };
-        Material::new(self.name, phong).with_coverage(coverage)
+        for map in &mut self.maps {
+            let color = match map.kind {
+                MapKind::Diffuse => self.kd.unwrap_or(Rgb::WHITE),
+                MapKind::Specular => phong.ks,
+                MapKind::Emission => phong.emission,
+                MapKind::Dissolve => Rgb::gray(share),
+                MapKind::Normal => Rgb::WHITE,
+            };
+            let [r, g, b] = color.to_array();
+            let factor = color.max_component();
+            if factor > 0.0 && (r != g || g != b) {
+                let message = format!(
+                    "`{}` of material `{}` takes the place of a colour that isn't grey; it is multiplied by {factor}",
+                    map.word, self.name
+                );
+                warnings.push(Diagnostic::warning(file, message).at(map.span.clone()));
+            }
+            let factor = if factor > 0.0 { factor } else { 1.0 };
+            map.range = map.range.map(|v| v * factor);
+        }
+        if matches!(self.illum, Some(0 | 1)) {
+            self.maps.retain(|map| map.kind != MapKind::Specular);
+        }
+        let material = Material::new(self.name, phong).with_coverage(coverage);
+        MtlMaterial { material, maps: self.maps }
     }
 }
 
 /// The materials of an MTL file, in the order of the file.
-pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<Material> {
-    let mut done: Vec<Material> = Vec::new();
+pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<MtlMaterial> {
+    let mut done: Vec<MtlMaterial> = Vec::new();
     let mut draft: Option<Draft<'_>> = None;
     let mut ignored = Ignored::default();
     let (mut wrong, mut maps) = (0, 0);
@@ -120,7 +154,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
         }
         let key = word.text.to_ascii_lowercase();
         if key == b"newmtl" {
-            done.extend(draft.take().map(|draft| draft.finish(&mut ignored)));
+            done.extend(draft.take().map(|draft| draft.finish(file, &mut ignored, warnings)));
             draft = Some(Draft::new(words.rest().string()));
             continue;
         }
@@ -128,6 +162,26 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
             ignored.note(&word, "stands before the first `newmtl` and is left out");
             continue;
         };
+        if key == b"map_ka" {
+            continue;
+        }
+        if let Some(kind) = MapKind::of(&key) {
+            let is_left_out =
+                |option: &Token<'_>| ignored.note(option, "is an option of pictures that isn't supported");
+            match TextureMap::read(kind, word, words, is_left_out) {
+                Ok(map) => {
+                    draft.maps.retain(|other| other.kind != kind);
+                    draft.maps.push(map);
+                }
+                Err(complaint) => {
+                    wrong += 1;
+                    if wrong <= MAX_TOLD {
+                        warnings.push(complaint.within(&word.shown()).warning(file));
+                    }
+                }
+            }
+            continue;
+        }
         if is_map(&key) {
             maps += 1;
             if maps <= MAX_TOLD {
@@ -143,7 +197,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
             }
         }
     }
-    done.extend(draft.map(|draft| draft.finish(&mut ignored)));
+    done.extend(draft.map(|draft| draft.finish(file, &mut ignored, warnings)));
     for (count, what) in [(maps, "pictures"), (wrong, "properties with wrong values")] {
         if count > MAX_TOLD {
             let message = format!("{} more {what} are left out", count - MAX_TOLD);
@@ -157,13 +211,14 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
 /// The largest number of texture maps, and of invalid values, that are reported one by one.
 const MAX_TOLD: usize = 20;
 
+/// Whether a word names a picture of a kind that isn't supported.
 fn is_map(key: &[u8]) -> bool {
-    key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&key)
+    key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl"].contains(&key)
 }
 
 fn left_out(map: &Token<'_>, picture: Token<'_>, material: &str) -> ImportError {
     let message = format!(
-        "the `{}` of material `{material}` is left out, since pictures of materials aren't read yet: {}",
+        "the `{}` of material `{material}` is left out, since pictures of this kind aren't supported: {}",
         map.shown(),
         picture.shown()
     );
@@ -256,9 +311,10 @@ mod tests {
     fn material(text: &str) -> (Material, String) {
         let mut warnings = Diagnostics::new();
         let mut list = read("a.mtl", format!("newmtl m\n{text}").as_bytes(), &mut warnings);
-        assert_eq!((list.len(), list[0].name.as_str()), (1, "m"));
-        list[0].check().unwrap();
-        (list.remove(0), warnings.to_string())
+        let MtlMaterial { material, .. } = list.remove(0);
+        assert_eq!((list.len(), material.name.as_str()), (0, "m"));
+        material.check().unwrap();
+        (material, warnings.to_string())
     }
 
     fn one(text: &str) -> (Phong, String) {
@@ -356,13 +412,55 @@ mod tests {
 
     #[test]
     fn what_is_left_out_is_told() {
-        let (_, warnings) = one("Ka 1 1 1\nmap_d a.png\nmap_Kd -s 1 1 1 b c.png\nKe 0 0 0\nsharpness 60\n");
-        assert!(warnings.contains("the `map_d` of material `m` is left out"), "{warnings}");
-        assert!(warnings.contains("the `map_Kd` of material `m` is left out"), "{warnings}");
-        assert!(warnings.contains("aren't read yet: -s 1 1 1 b c.png"), "{warnings}");
+        let text = "Ka 1 1 1\nmap_Ka k.png\nmap_Bump -bm 1 a b.png\nmap_Kd -t 1 1 c.png\nKe 0 0 0\nsharpness 60\n";
+        let (_, warnings) = one(text);
+        assert!(warnings.contains("the `map_Bump` of material `m` is left out"), "{warnings}");
+        assert!(warnings.contains("aren't supported: -bm 1 a b.png"), "{warnings}");
+        assert!(warnings.contains("`-t` is an option of pictures that isn't supported"), "{warnings}");
         assert!(warnings.contains("`sharpness` is left out") && !warnings.contains("Ka"), "{warnings}");
-        let (_, warnings) = one(&"map_Kd a.png\n".repeat(1000));
+        let (_, warnings) = one(&"bump a.png\n".repeat(1000));
         assert!(warnings.contains("980 more pictures are left out") && warnings.len() < 5000, "{warnings}");
+    }
+
+    /// The pictures of a material that has these lines.
+    fn maps(text: &str) -> (Vec<TextureMap>, String) {
+        let mut warnings = Diagnostics::new();
+        let read = read("a.mtl", format!("newmtl m\n{text}").as_bytes(), &mut warnings);
+        (read.into_iter().next().unwrap().maps, warnings.to_string())
+    }
+
+    #[test]
+    fn pictures_have_options() {
+        let one = |text: &str| {
+            let (maps, warnings) = maps(text);
+            assert_eq!((maps.len(), warnings.as_str()), (1, ""), "{text}");
+            maps.into_iter().next().unwrap()
+        };
+        let map = one("Kd 0.5\nmap_Kd -clamp on -s 2 3 1 -blendu off -mm 0.25 0.5 -o 0.5 my wood.png\n");
+        assert_eq!((map.file.as_str(), map.kind, map.clamp), ("my wood.png", MapKind::Diffuse, true));
+        assert_eq!(map.range, [0.125, 0.375], "(0.25 + 0.5 v) times Kd");
+        // u' = s u + o for coordinates that start at the lower left corner, in a picture around its middle.
+        let place = map.placement().unwrap().inverse();
+        for [u, v] in [[0.0, 0.0], [1.0, 0.25], [-2.0, 5.0]] {
+            let found = place.point(glam::DVec3::new(u - 0.5, v - 0.5, 0.0));
+            let expected = glam::DVec3::new(2.0 * u + 0.5 - 0.5, 3.0 * v - 0.5, 0.0);
+            assert!((found - expected).length() < 1e-12, "{found} {expected}");
+        }
+        assert_eq!(one("map_d -imfchan r a.png").channel, Some(canaletto::material::Channel::Red));
+        assert_eq!(one("norm -bm 2 n.png").strength, 2.0);
+        assert_eq!(one("map_Kd a.png\nmap_Kd b.png").file, "b.png", "the last one counts");
+        assert_eq!(one("Kd 0 0 0\nmap_Kd a.png").range, [0.0, 1.0], "black beside a picture means nothing");
+        assert!(maps("Kd 1 0.5 0\nmap_Kd a.png").1.contains("isn't grey; it is multiplied by 1"));
+        for (text, words) in [
+            ("map_Kd", "the name of a picture is missing"),
+            ("map_Kd -s 2", "the name of a picture is missing"),
+            ("map_Kd -s 0 1 a.png", "-s of 0"),
+            ("map_Kd -clamp maybe a.png", "-clamp is on or off"),
+            ("map_Kd -o x a.png", "\"x\" is not a number"),
+        ] {
+            let (maps, warnings) = maps(text);
+            assert!(maps.is_empty() && warnings.contains(words), "{text}: {warnings}");
+        }
     }
 
     #[test]

@@ -51,8 +51,8 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
     }),
 };
 
-/// The number of bits of colours, or of the widest channel where there are none. Channels are named, and are half floats
-/// or not.
+/// The number of bits of colours, or of the widest channel where there are none. Channels are named, and are half
+/// floats or not.
 fn bits<'a>(channels: impl Iterator<Item = (&'a str, bool)> + Clone) -> u8 {
     let is_color = |channel: &(&str, bool)| ["R", "G", "B", "Y"].contains(&channel.0);
     let has_colors = channels.clone().any(|channel| is_color(&channel));

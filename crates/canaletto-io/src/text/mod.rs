@@ -48,8 +48,8 @@ pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics
 }
 
 /// Reads the scene of a file after applying overrides, and returns it with its warnings. `set` holds assignments such
-/// as `integrator.max-depth=3`, `material.glass.eta=1.4`, `integrator=zbuffer` or `film.sample="jittered" n=4`. Messages about the n-th
-/// assignment name line n of the file `--set`. Animated values are those of [`SceneDocument::first_frame`].
+/// as `integrator.max-depth=3`, `material.glass.eta=1.4`, `integrator=zbuffer` or `film.sample="jittered" n=4`. Messages
+/// about the n-th assignment name line n of the file `--set`. Animated values are those of the first frame.
 ///
 /// # Errors
 /// Every mistake in the text and in the files that it names.

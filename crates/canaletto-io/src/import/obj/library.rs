@@ -36,6 +36,7 @@ impl Reader<'_> {
             }
             self.library(name);
         }
+        self.count_pictures_left_out();
     }
 
     /// The names of a line, split such that most of them exist, if possible at their own path.
@@ -67,11 +68,11 @@ impl Reader<'_> {
             }
             Err((error, Ok(asset))) => {
                 let help = format!("\"{}\", which lies beside the model, is read instead", asset.path.name());
-                self.warnings.push(self.failed(name, &error).help(help));
+                self.warnings.push(self.not_as_named(name, &error).help(help));
                 self.read(&asset);
             }
             Err((error, Err(_))) => {
-                let mut warning = self.failed(name, &error);
+                let mut warning = self.not_as_named(name, &error);
                 warning.help = error.help();
                 warning.label = "its materials are left out".into();
                 self.warnings.push(warning);
@@ -92,7 +93,7 @@ impl Reader<'_> {
         })
     }
 
-    fn failed(&self, name: &Token<'_>, error: &AssetError) -> Diagnostic {
+    fn not_as_named(&self, name: &Token<'_>, error: &AssetError) -> Diagnostic {
         Diagnostic::warning(self.asset.path.name(), error.to_string()).at(name.span())
     }
 
@@ -107,7 +108,10 @@ impl Reader<'_> {
         };
         let text = encoding::text(&bytes);
         let mut warnings = Diagnostics::new();
-        self.materials.extend(mtl::read(name, &text, &mut warnings));
+        for described in mtl::read(name, &text, &mut warnings) {
+            let material = self.with_pictures(described, library, &mut warnings);
+            self.materials.push(material);
+        }
         attach_source(&mut warnings, name, text[..].into());
         self.warnings.append(warnings);
     }
@@ -115,8 +119,12 @@ impl Reader<'_> {
 
 /// The path of a name, without quotes and with forward slashes.
 fn path(name: &Token<'_>) -> String {
-    let text = name.string();
-    let text = unquoted(&text).unwrap_or(&text);
+    path_of(&name.string())
+}
+
+/// The path of a name as written.
+pub(super) fn path_of(text: &str) -> String {
+    let text = unquoted(text).unwrap_or(text);
     // A backslash before a space is part of the escaped space.
     text.replace("\\ ", " ").replace('\\', "/")
 }
@@ -131,7 +139,7 @@ fn is_quoted(text: &str) -> bool {
 }
 
 /// The text after the last folder or drive of a path.
-fn last_part(path: &str) -> &str {
+pub(super) fn last_part(path: &str) -> &str {
     path.rsplit(['/', ':']).next().unwrap_or(path).trim()
 }
 

@@ -13,6 +13,7 @@ mod faces;
 mod keyword;
 mod library;
 mod parts;
+mod pictures;
 mod vertices;
 
 use super::encoding;
@@ -24,9 +25,11 @@ use super::{DefaultShading, Holds, ModelFormat, ReadFragment, fragment_of, unrea
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
+use canaletto::scene::Fragment;
 use canaletto::shape::Mesh;
 use faces::{Faces, Mark, NONE};
 use parts::Parts;
+use pictures::Pictures;
 use std::collections::HashSet;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -37,10 +40,11 @@ pub(super) const FORMAT: ModelFormat =
     ModelFormat { name: "OBJ", extensions: &["obj"], holds: Holds::Objects, read: read_model };
 
 fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
-    let ObjContent { meshes, materials, mut warnings } = read(asset, assets, unsaid)?;
+    let ObjContent { meshes, materials, pictures, mut warnings } = read(asset, assets, unsaid)?;
     let rounded = meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
     rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(asset.path.name())));
-    Ok((fragment_of(meshes, materials), warnings))
+    let Pictures { images, textures, .. } = pictures;
+    Ok((Fragment { images, textures, ..fragment_of(meshes, materials) }, warnings))
 }
 
 /// The content of an OBJ file and its libraries.
@@ -48,6 +52,7 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) ->
 struct ObjContent {
     meshes: Vec<Mesh>,
     materials: Vec<Material>,
+    pictures: Pictures,
     warnings: Diagnostics,
 }
 
@@ -69,19 +74,25 @@ fn read_pieces(
     unsaid: DefaultShading,
 ) -> Result<ObjContent, Diagnostics> {
     let file = asset.path.name();
-    let mut reader =
-        Reader { asset, assets, warnings: Diagnostics::new(), materials: Vec::new(), read: HashSet::new() };
+    let mut reader = Reader {
+        asset,
+        assets,
+        warnings: Diagnostics::new(),
+        materials: Vec::new(),
+        pictures: Pictures::default(),
+        read: HashSet::new(),
+    };
     let result = vertices::read(text).and_then(|first| {
         reader.libraries(&first.libraries);
         reader.faces(text, first, unsaid)
     });
-    let Reader { mut warnings, materials, .. } = reader;
+    let Reader { mut warnings, materials, pictures, .. } = reader;
     match result {
         Ok((meshes, default)) => {
             let mut materials = materials;
             materials.extend(default);
             super::attach_source(&mut warnings, file, text.view);
-            Ok(ObjContent { meshes, materials, warnings })
+            Ok(ObjContent { meshes, materials, pictures, warnings })
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
@@ -96,6 +107,7 @@ struct Reader<'a> {
     assets: &'a dyn Assets,
     warnings: Diagnostics,
     materials: Vec<Material>,
+    pictures: Pictures,
     /// The libraries that were read.
     read: HashSet<PathBuf>,
 }

@@ -16,7 +16,9 @@ fn load(text: &str, others: &[(&str, &str)]) -> Result<ObjContent, Diagnostics> 
 /// The content of the file `a.obj` among these.
 fn load_content(files: &MemoryAssets) -> Result<ObjContent, Diagnostics> {
     let (fragment, warnings) = super::super::load_objects("a.obj", files, &AssetPath::base())?;
-    Ok(ObjContent { meshes: fragment.meshes, materials: fragment.materials, warnings })
+    let mut pictures = Pictures::default();
+    (pictures.images, pictures.textures) = (fragment.images, fragment.textures);
+    Ok(ObjContent { meshes: fragment.meshes, materials: fragment.materials, pictures, warnings })
 }
 
 fn good(text: &str) -> ObjContent {
@@ -440,5 +442,44 @@ proptest! {
             }
         }
         let _ = every_way(text.as_bytes());
+    }
+}
+
+/// A picture of one column: red above blue.
+fn red_over_blue() -> Vec<u8> {
+    use crate::picture::{EncodeSettings, Image, PictureFormat};
+    let image = Image::from_rgb(1, 2, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]].into_iter());
+    let srgb = canaletto::scene::Transfer::Srgb;
+    PictureFormat::Png.encode_image(&image, srgb, &EncodeSettings::default(), &[]).unwrap()
+}
+
+#[test]
+fn pictures_of_materials_are_textures() {
+    use canaletto::material::{Parameter, Target};
+    use canaletto::texture::{TextureKind, Wrap};
+    let text = format!("mtllib sub/m.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n");
+    let library = "newmtl a\nKd 0.5\nmap_Kd ../wood.png\nmap_d C:\\work\\Wood.png\n\
+        newmtl b\nmap_Kd -clamp on ../wood.png\nmap_Ke none.png\nmap_Ks ../../out.png\nnorm ../m.txt\n";
+    let files = MemoryAssets::new().with("a.obj", text.as_str()).with("sub/m.mtl", library);
+    let files = files.with("wood.png", red_over_blue()).with("sub/Wood.png", red_over_blue()).with("m.txt", "x");
+    let ObjContent { materials, pictures, warnings, .. } = load_content(&files).unwrap();
+    // One image for each file, one texture for each way of using it.
+    assert_eq!((pictures.images.len(), pictures.textures.len()), (2, 3));
+    let [a, b] = &materials[..] else { panic!("there are two materials") };
+    let targets: Vec<Target> = a.textures.iter().map(|used| used.target).collect();
+    assert_eq!(targets, [Target::Parameter(Parameter::Diffuse), Target::Cutout]);
+    assert_eq!(a.textures[0].range, [0.0, 0.5]);
+    assert_eq!(b.textures.len(), 1);
+    let TextureKind::Image(clamped) = &pictures.textures[b.textures[0].texture as usize].kind else { panic!() };
+    assert_eq!(clamped.wrap, [Wrap::Clamp; 2]);
+    let warnings = warnings.to_string();
+    for told in [
+        "m.mtl:4:7: warning: `map_d` of material `a`: \"C:/work/Wood.png\" lies outside",
+        "\"sub/Wood.png\" is read instead",
+        "`map_Ke` of material `b`: there is no file \"none.png\"",
+        "`map_Ks` of material `b`: \"../../out.png\" lies outside",
+        "`norm` of material `b`: \"../m.txt\": it is no image",
+    ] {
+        assert!(warnings.contains(told), "no {told:?} in:\n{warnings}");
     }
 }

@@ -5,7 +5,7 @@ use super::grid::GRID;
 use super::kind_of;
 use super::procedural::{CHECKER, FBM, GRADIENT, MARBLE, NOISE, RAMP, TURBULENCE, WOOD, WORLEY};
 use crate::assets::{Asset, AssetPath};
-use crate::image::read_image;
+use crate::image::{MAX_IMAGE_BYTES, read_image};
 use crate::text::closest_word::closest_word;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
@@ -116,9 +116,6 @@ static IMAGE: TextureNode = texture_node(
         }))
     },
 );
-
-/// The largest total memory of a scene's images in bytes.
-const MAX_IMAGE_BYTES: u64 = 8 << 30;
 
 /// The images that were read. `None` stands for a file that can't be read, which is reported once.
 #[derive(Default)]
