@@ -185,7 +185,10 @@ impl<'a> Validator<'a> {
                 format!("{subject} takes {}, got {}", word.value_type, values.len())
             };
             let mut message = Message::error(got.span, message);
-            if got.node.is_none() && !counts.contains(&1) {
+            let name = values.get(1).and_then(Value::as_text).filter(|_| got.node.is_none() && word.name == "kind");
+            if let Some(name) = name {
+                message = message.help(format!("a name is written name=\"{name}\""));
+            } else if got.node.is_none() && !counts.contains(&1) {
                 message = message.help(format!("several values stand in braces: {{ {} … }}", word.name));
             } else if values.iter().any(|value| value.as_text() == Some(",")) {
                 message = message.help("numbers stand with blanks between them, without commas");

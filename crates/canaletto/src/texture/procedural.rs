@@ -35,8 +35,8 @@ pub enum Function {
         shape: Gradient,
         /// The continuation of the ramp outside of 0 to 1.
         wrap: Wrap,
-        /// The direction that a linear gradient grows in, or the axis of a cylindrical or angular one. Of any length but
-        /// 0; `None` is x for a linear gradient and y for the others.
+        /// The direction that a linear gradient grows in, or the axis of a cylindrical or angular one. Of any length
+        /// but 0; `None` is x for a linear gradient and y for the others.
         #[serde(default)]
         axis: Option<Vec3>,
     },
@@ -80,8 +80,8 @@ pub enum Gradient {
     Cylindrical,
     /// The distance from the origin.
     Spherical,
-    /// The angle around the axis as a share of the full turn, 0 to 1: around y, from z towards x. Another axis is what y
-    /// becomes by the shortest turn, which turns z and x with it.
+    /// The angle around the axis as a share of the full turn, 0 to 1: around y, from z towards x. Another axis is what
+    /// y becomes by the shortest turn, which turns z and x with it.
     Angular,
 }
 
