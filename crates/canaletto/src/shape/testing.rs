@@ -16,12 +16,12 @@ impl Random {
         ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
     }
 
-    pub(super) fn within(&mut self, low: f32, high: f32) -> f32 {
+    pub(crate) fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
     /// A point in the cube [−1, 1]³.
-    pub(super) fn cube(&mut self) -> Vec3 {
+    pub(crate) fn cube(&mut self) -> Vec3 {
         Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
     }
 

@@ -143,7 +143,9 @@ impl<'a> ZbufferExplainer<'a> {
                 continue;
             };
             let mut whitted = zbuffer.whitted(worker.cancelled);
-            worker.lookup.fragments_of(part, Some(&visible), tile.area, |weight, fragment| {
+            let line = zbuffer.camera.line(part.place[0], part.place[1]);
+            let seen = (line, visible.hit(&line));
+            worker.lookup.fragments_of(part, &visible, seen, tile.area, |weight, fragment| {
                 probe.sample(part.place, weight);
                 probe.drawn(None, None);
                 sum.add(whitted.shade_fragment(&fragment, probe), weight);

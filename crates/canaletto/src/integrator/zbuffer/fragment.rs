@@ -3,11 +3,10 @@
 use super::facets::{Facets, Tolerance};
 use super::geometry::BinnedTriangles;
 use super::raster::{ScreenTriangle, Source};
+use super::triangle_hits::{TriangleHits, triangle_hit};
 use crate::math::{DRay, Transform};
 use crate::shape::Shape;
 use crate::world::{Hit, MeshFacet, PlacedGeometry, Primitives, World};
-use canaletto_bvh::Ray;
-use canaletto_bvh::triangle::{self, Triangle};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
@@ -20,26 +19,46 @@ pub(super) struct VisibleTriangle<'a> {
     /// The part of the shape.
     part: u32,
     /// The tessellation, if the triangle isn't the surface itself.
-    pub(super) facets: Option<&'a Facets>,
-    /// The shape that the triangle stands for.
-    shape: Option<Shape>,
+    facets: Option<&'a Facets>,
+    /// The geometry that holds a shape, unless the triangle is of a mesh.
+    shapes: Option<Shapes<'a>>,
+}
+
+/// The geometry of a shape.
+#[derive(Clone, Copy)]
+enum Shapes<'a> {
+    Unbounded(&'a Shape),
+    Placed(Primitives<'a>),
 }
 
 /// What a thread knows of the geometries behind triangles.
 #[derive(Default)]
 pub(super) struct FacetCache<'w> {
-    placed: HashMap<u32, PlacedGeometry<'w>>,
+    placed: Vec<PlacedGeometry<'w>>,
+    /// The place in `placed` of each instance.
+    instances: HashMap<u32, usize>,
+    /// The instance that was prepared last, and its place.
+    last: Option<(u32, usize)>,
     facets: HashMap<[u32; 2], Facets>,
-    /// The last instance that was prepared.
-    last: Option<u32>,
 }
 
 impl<'w> FacetCache<'w> {
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         self.placed.clear();
+        self.instances.clear();
         self.facets.clear();
         self.last = None;
+    }
+
+    /// The geometry of an instance that was prepared.
+    #[inline]
+    fn placed(&self, instance: u32) -> Option<&PlacedGeometry<'w>> {
+        let place = match self.last {
+            Some((last, place)) if last == instance => place,
+            _ => *self.instances.get(&instance)?,
+        };
+        Some(&self.placed[place])
     }
 
     /// Makes sure that the triangle's geometry is at hand.
@@ -58,14 +77,17 @@ impl<'w> FacetCache<'w> {
             });
             return;
         }
-        if self.last != Some(source.instance) {
-            self.placed.entry(source.instance).or_insert_with(|| world.placed_geometry(source.instance, 0.0));
-            self.last = Some(source.instance);
+        if self.last.is_none_or(|(last, _)| last != source.instance) {
+            let place = *self.instances.entry(source.instance).or_insert_with(|| {
+                self.placed.push(world.placed_geometry(source.instance, 0.0));
+                self.placed.len() - 1
+            });
+            self.last = Some((source.instance, place));
         }
         if source.is_of_mesh || binned.kept(source.instance, source.primitive).is_some() {
             return;
         }
-        let placed = &self.placed[&source.instance];
+        let Some(placed) = self.last.map(|(_, place)| &self.placed[place]) else { return };
         if let Some((shape, color)) = placed.primitives.shape(source.primitive) {
             self.facets
                 .entry([source.instance, source.primitive])
@@ -97,15 +119,15 @@ impl<'w> FacetCache<'w> {
         world: &'a World,
         binned: &'a BinnedTriangles,
     ) -> Option<VisibleTriangle<'a>> {
-        let (to_world, shape) = if source.instance == Hit::UNBOUNDED {
-            (None, Some(*world.unbounded_shape(source.primitive)))
+        let (to_world, shapes) = if source.instance == Hit::UNBOUNDED {
+            (None, Shapes::Unbounded(world.unbounded_shape(source.primitive)))
         } else {
-            let placed = self.placed.get(&source.instance)?;
+            let placed = self.placed(source.instance)?;
             if let Primitives::Mesh(mesh) = placed.primitives {
                 let (corners, to_world) = (mesh.corners(source.primitive as usize), placed.to_world.as_ref());
-                return Some(VisibleTriangle { source, corners, to_world, part: 0, facets: None, shape: None });
+                return Some(VisibleTriangle { source, corners, to_world, part: 0, facets: None, shapes: None });
             }
-            (placed.to_world.as_ref(), placed.primitives.shape(source.primitive).map(|(shape, _)| shape))
+            (placed.to_world.as_ref(), Shapes::Placed(placed.primitives))
         };
         let kept = binned.kept(source.instance, source.primitive);
         let facets = kept.or_else(|| self.facets.get(&[source.instance, source.primitive]))?;
@@ -115,7 +137,7 @@ impl<'w> FacetCache<'w> {
             to_world,
             part: facets.parts[source.triangle as usize],
             facets: (!facets.is_exact).then_some(facets),
-            shape,
+            shapes: Some(shapes),
         })
     }
 }
@@ -136,13 +158,21 @@ impl VisibleTriangle<'_> {
 
     /// Whether the triangle is of a tessellation.
     pub(super) fn is_tessellated(&self) -> bool {
-        self.shape.is_some()
+        self.shapes.is_some()
+    }
+
+    /// The shape that the triangle stands for.
+    fn shape(&self) -> Option<Shape> {
+        match self.shapes? {
+            Shapes::Unbounded(shape) => Some(*shape),
+            Shapes::Placed(primitives) => primitives.shape(self.source.primitive).map(|(shape, _)| shape),
+        }
     }
 
     /// The parameter t where a line from the viewer meets the curved surface that the triangle stands for. `t` is where
     /// it meets the triangle; it is returned if the surface isn't met near it on the same side.
     pub(super) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
-        let (Some(shape), Some(facets)) = (&self.shape, self.facets) else { return t };
+        let (Some(facets), Some(shape)) = (self.facets, self.shape()) else { return t };
         let local = self.to_local(line);
         let [a, b, c] = self.corners.map(Vec3::as_dvec3);
         let slope = (b - a).cross(c - a).normalize_or_zero().dot(local.direction);
@@ -176,16 +206,23 @@ impl VisibleTriangle<'_> {
     /// The hit of a line on the triangle, or at the place of the triangle that is nearest to the line: a sample of a
     /// snapped triangle may lie just beside it.
     pub(super) fn hit(&self, line: &DRay) -> Hit {
-        let local = self.to_local(line);
-        let ray: Ray = local.rounded();
-        let met = triangle::intersect(&ray.prepare(), &Triangle::new(self.corners), f32::INFINITY);
-        let (t, uv) = match met {
-            Some(hit) => (hit.t, [hit.u, hit.v]),
-            None => self.nearest(&local),
-        };
+        self.hit_found(line, triangle_hit(&self.to_local(line).rounded(), &self.corners))
+    }
+
+    /// Adds the line to those whose hits are found together.
+    #[inline]
+    pub(super) fn push_line(&self, line: &DRay, hits: &mut TriangleHits) {
+        hits.push(&self.to_local(line).rounded(), &self.corners);
+    }
+
+    /// [`VisibleTriangle::hit`], where `found` is what [`TriangleHits`] found.
+    #[inline(always)]
+    pub(super) fn hit_found(&self, line: &DRay, found: Option<(f32, [f32; 2])>) -> Hit {
+        let (t, uv) = found.unwrap_or_else(|| self.nearest(&self.to_local(line)));
         self.source.hit(t, uv, self.part)
     }
 
+    #[inline]
     fn to_local(&self, line: &DRay) -> DRay {
         let Some(t) = &self.to_world else { return *line };
         let back = t.inverse();
@@ -193,6 +230,7 @@ impl VisibleTriangle<'_> {
     }
 
     /// t and barycentric coordinates where the line meets the triangle's plane, moved into the triangle.
+    #[cold]
     fn nearest(&self, line: &DRay) -> (f32, [f32; 2]) {
         let [a, b, c] = self.corners.map(Vec3::as_dvec3);
         let (ab, ac) = (b - a, c - a);

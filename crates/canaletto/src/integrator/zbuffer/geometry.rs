@@ -3,7 +3,8 @@
 use super::clip::Polygon;
 use super::facets::{Facets, Tolerance, corners};
 use super::projection::{Projection, depth_plane};
-use super::raster::{GUARD_BAND, ScreenTriangle, Sites, Source};
+use super::raster::{ScreenTriangle, Sites, Source};
+use super::triangle_setup::{Setup, SetupTarget, TOGETHER, TriangleSetup, is_in_guard_band};
 use crate::material::{Material, Target};
 use crate::shape::Mesh;
 use crate::world::{Hit, Primitives, World};
@@ -45,6 +46,28 @@ impl Screen {
 
     fn last(&self) -> [i32; 2] {
         [self.corner[0] + self.size[0] - 1, self.corner[1] + self.size[1] - 1]
+    }
+
+    /// The first and the last pixel along an axis.
+    #[inline(always)]
+    pub(super) fn span(&self, axis: usize) -> [i32; 2] {
+        [self.corner[axis], self.corner[axis] + self.size[axis] - 1]
+    }
+
+    /// Whether all points lie beyond one border of the view.
+    #[inline(always)]
+    pub(super) fn is_outside(&self, near: DVec4, points: &[DVec4]) -> bool {
+        let [left, below] = self.corner.map(f64::from);
+        let [right, above] = [left + f64::from(self.size[0]), below + f64::from(self.size[1])];
+        let mut all = [true; 5];
+        for p in points {
+            all[0] &= near.dot(*p) < 0.0;
+            all[1] &= p.x < left * p.z;
+            all[2] &= p.x > right * p.z;
+            all[3] &= p.y < below * p.z;
+            all[4] &= p.y > above * p.z;
+        }
+        all[0] | all[1] | all[2] | all[3] | all[4]
     }
 }
 
@@ -111,6 +134,30 @@ impl VertexCache {
     }
 }
 
+/// The traits of a mesh's materials.
+struct SlotTraits<'a> {
+    stage: &'a GeometryStage<'a>,
+    mesh: &'a Mesh,
+    /// The slot of the last triangle, and its traits.
+    last: Option<(u32, [bool; 2])>,
+}
+
+impl SlotTraits<'_> {
+    /// [`GeometryStage::traits_of`].
+    #[inline]
+    fn of(&mut self, source: Source) -> [bool; 2] {
+        let slot = self.mesh.slots.get(source.primitive as usize).copied().unwrap_or_default();
+        match self.last {
+            Some((last, traits)) if last == slot => traits,
+            _ => {
+                let traits = self.stage.traits_of(source);
+                self.last = Some((slot, traits));
+                traits
+            }
+        }
+    }
+}
+
 /// The projection of a world onto a screen.
 pub(super) struct GeometryStage<'a> {
     pub(super) world: &'a World,
@@ -168,20 +215,8 @@ impl GeometryStage<'_> {
 
     /// Whether a box may touch the screen.
     fn may_be_seen(&self, bounds: &Aabb) -> bool {
-        !bounds.is_empty() && self.outside_of_all(corners(bounds).map(|p| self.projection.point(p))) == 0
-    }
-
-    /// A bit for each border of the view that has all points beyond it.
-    fn outside_of_all(&self, points: impl IntoIterator<Item = DVec4>) -> u32 {
-        let [left, below] = self.screen.corner.map(f64::from);
-        let [right, above] = self.screen.last().map(|v| f64::from(v + 1));
-        let near = self.projection.near();
-        let mut all = !0;
-        for p in points {
-            let beyond = [near.dot(p) < 0.0, p.x < left * p.z, p.x > right * p.z, p.y < below * p.z, p.y > above * p.z];
-            all &= beyond.iter().enumerate().fold(0u32, |bits, (i, is_beyond)| bits | u32::from(*is_beyond) << i);
-        }
-        all
+        let points: Vec<DVec4> = corners(bounds).map(|p| self.projection.point(p)).collect();
+        !bounds.is_empty() && !self.screen.is_outside(self.projection.near(), &points)
     }
 
     fn batch(&self, parts: &[Part]) -> Batch {
@@ -215,13 +250,39 @@ impl GeometryStage<'_> {
     /// Projects triangles of a mesh. Neighbouring triangles share most of their corners.
     fn mesh(&self, mesh: &Mesh, part: &Part, sided: Option<bool>, projection: &Projection, batch: &mut Batch) {
         let mut cache = VertexCache::default();
-        for primitive in part.primitives.clone() {
-            let [a, b, c] = mesh.triangles[primitive as usize];
-            let mut corner =
-                |vertex: u32| cache.get(vertex, || projection.point(mesh.positions[vertex as usize].as_dvec3()));
-            let corners = [corner(a), corner(b), corner(c)];
-            let source = Source { instance: part.instance, primitive, triangle: 0, is_of_mesh: true };
-            self.triangle(&ProjectedTriangle { corners, source, sided, is_curved: false }, projection, batch);
+        let mut setup = TriangleSetup::new();
+        let target = SetupTarget { screen: &self.screen, sites: self.sites, near: projection.near() };
+        let mut traits = SlotTraits { stage: self, mesh, last: None };
+        let mut begin = part.primitives.start;
+        while begin < part.primitives.end {
+            let end = part.primitives.end.min(begin + TOGETHER as u32);
+            setup.clear();
+            for &[a, b, c] in &mesh.triangles[begin as usize..end as usize] {
+                let mut corner =
+                    |vertex: u32| cache.get(vertex, || projection.point(mesh.positions[vertex as usize].as_dvec3()));
+                setup.push([corner(a), corner(b), corner(c)]);
+            }
+            setup.run(target);
+            for (index, primitive) in (begin..end).enumerate() {
+                let source = Source { instance: part.instance, primitive, triangle: 0, is_of_mesh: true };
+                match setup.get(index, source) {
+                    Setup::Unseen => {}
+                    Setup::Clipped => {
+                        let corners = setup.corners(index);
+                        let triangle = ProjectedTriangle { corners, source, sided, is_curved: false };
+                        self.triangle(&triangle, projection, batch);
+                    }
+                    Setup::Whole(mut triangle, pixels) => {
+                        let is_back = sided.is_some_and(|mirrors| setup.is_counter_clockwise(index) == mirrors);
+                        let [is_drawn, has_holes] = traits.of(source);
+                        if is_drawn && !is_back {
+                            triangle.has_holes = has_holes;
+                            self.add_to_tiles(triangle, pixels, batch);
+                        }
+                    }
+                }
+            }
+            begin = end;
         }
     }
 
@@ -248,47 +309,48 @@ impl GeometryStage<'_> {
     }
 
     /// Clips a triangle and adds what is left.
-    #[inline(always)]
     fn triangle(&self, triangle: &ProjectedTriangle, projection: &Projection, batch: &mut Batch) {
         let ProjectedTriangle { corners, source, sided, is_curved } = *triangle;
-        if self.outside_of_all(corners) != 0 {
+        if self.screen.is_outside(self.projection.near(), &corners) {
             return;
         }
-        let Some(plane) = depth_plane(corners) else { return };
-        if let Some(mirrors) = sided {
-            // The triangle runs counter-clockwise, seen from the eye, if the determinant is positive.
-            let [a, b, c] = corners.map(|p| p.truncate());
-            if (a.dot(b.cross(c)) > 0.0) == mirrors {
-                return;
-            }
+        let (plane, determinant) = depth_plane(&corners);
+        if !plane.is_finite() || sided.is_some_and(|mirrors| (determinant > 0.0) == mirrors) {
+            return;
         }
         // A curved surface may lie behind the near plane where its triangles lie in front of it.
         let near = if is_curved { projection.nearer_plane() } else { projection.near() };
-        let is_inside = |p: &DVec4| {
-            near.dot(*p) >= 0.0 && p.z > 0.0 && p.x.abs() <= GUARD_BAND * p.z && p.y.abs() <= GUARD_BAND * p.z
-        };
-        if corners.iter().all(is_inside) {
-            self.add(ScreenTriangle::new(corners, plane, source), is_curved, batch);
+        if corners.iter().all(|p| is_in_guard_band(near, p)) {
+            self.add(ScreenTriangle::new(&corners, plane, source), is_curved, batch);
             return;
         }
         let polygon = Polygon::clipped(corners, near);
         if let [first, rest @ ..] = polygon.corners() {
             for pair in rest.windows(2) {
-                self.add(ScreenTriangle::new([*first, pair[0], pair[1]], plane, source), is_curved, batch);
+                self.add(ScreenTriangle::new(&[*first, pair[0], pair[1]], plane, source), is_curved, batch);
             }
         }
     }
 
-    /// Adds a triangle to the tiles that it touches.
+    /// Adds a triangle, unless it covers no sample.
     fn add(&self, triangle: Option<ScreenTriangle>, is_curved: bool, batch: &mut Batch) {
         let Some(mut triangle) = triangle else { return };
-        let Some([first, last]) = triangle.pixels(self.sites, self.screen.corner, self.screen.last()) else { return };
-        let [is_drawn, has_holes] =
-            self.traits[self.world.material_index(&triangle.source.hit(0.0, [0.0; 2], 0)) as usize];
-        if !is_drawn {
-            return;
+        let Some(pixels) = triangle.pixels(self.sites, self.screen.corner, self.screen.last()) else { return };
+        let [is_drawn, has_holes] = self.traits_of(triangle.source);
+        if is_drawn {
+            (triangle.has_holes, triangle.is_curved) = (has_holes, is_curved);
+            self.add_to_tiles(triangle, pixels, batch);
         }
-        (triangle.has_holes, triangle.is_curved) = (has_holes, is_curved);
+    }
+
+    /// Whether a primitive is drawn, and whether it has holes.
+    fn traits_of(&self, source: Source) -> [bool; 2] {
+        self.traits[self.world.material_index(&source.hit(0.0, [0.0; 2], 0)) as usize]
+    }
+
+    /// Adds a triangle to the tiles of its first to last pixels.
+    #[inline]
+    fn add_to_tiles(&self, triangle: ScreenTriangle, [first, last]: [[i32; 2]; 2], batch: &mut Batch) {
         let number = batch.triangles.len() as u32;
         batch.triangles.push(triangle);
         let screen = &self.screen;

@@ -18,6 +18,8 @@ mod omissions;
 mod projection;
 mod raster;
 mod shadow_map;
+mod triangle_hits;
+mod triangle_setup;
 mod unshaded_view;
 
 use super::whitted::{Fragment, Whitted, background};
@@ -25,26 +27,31 @@ use super::{Cancelled, Counts, FirstHit, TileIntegrator, TileWorker};
 use crate::camera::Camera;
 use crate::film::TileBuffer;
 use crate::job::{Aov, Job, JobError, Observer};
-use crate::math::RayDifferential;
+use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::FrameSampler;
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
-use crate::world::World;
+use crate::world::{Hit, World};
 use canaletto_bvh::Aabb;
 pub(crate) use explain::ZbufferExplainer;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
+use glam::DVec3;
 pub(crate) use item_buffer::{Item, ItemView};
 pub(crate) use omissions::omissions;
 use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
+use triangle_hits::TriangleHits;
 use unshaded_view::refined_depth;
 
 /// The most bytes of all shadow maps.
 const MOST_MAP_BYTES: u64 = 4 << 30;
+
+/// The most triangles that are drawn between two questions whether the job is cancelled.
+const DRAWN_TOGETHER: usize = 1 << 16;
 
 /// The most fragments that are shaded together.
 const BATCH: usize = 256;
@@ -207,6 +214,7 @@ impl Zbuffer<'_> {
             cancelled,
             visibility: VisibilityBuffer::default(),
             lookup: TriangleLookup { zbuffer: self, cache: FacetCache::default() },
+            hits: TriangleHits::default(),
             fragments: 0,
         }
     }
@@ -228,6 +236,8 @@ struct ZbufferWorker<'a> {
     cancelled: Cancelled<'a>,
     visibility: VisibilityBuffer,
     lookup: TriangleLookup<'a>,
+    /// The hits of the fragments that are shaded together.
+    hits: TriangleHits,
     /// The number of fragments shaded.
     fragments: u64,
 }
@@ -284,15 +294,18 @@ impl ZbufferWorker<'_> {
         self.visibility.reset(corner, size, sites, self.zbuffer.far_depth);
         self.lookup.cache.clear();
         let Self { visibility, lookup: TriangleLookup { cache, .. }, .. } = self;
-        for (number, triangle) in (0..).zip(binned.tile(tile)) {
-            if number % 65_536 == 65_535 && (self.cancelled)(0) {
+        let mut triangles = binned.tile(tile).enumerate().map(|(number, triangle)| (number as u32, triangle));
+        while triangles.len() > 0 {
+            visibility.draw(triangles.by_ref().take(DRAWN_TOGETHER), sites, |visibility, number, triangle| {
+                let visible = cache.triangle_to_refine(triangle, world, binned, tolerance);
+                visibility.draw_refined(triangle, number, sites, |place, depth| match &visible {
+                    Some(visible) => refine(self.zbuffer, triangle, visible, place, depth),
+                    None => Some(depth),
+                });
+            });
+            if triangles.len() > 0 && (self.cancelled)(0) {
                 return ControlFlow::Break(());
             }
-            let visible = cache.triangle_to_refine(triangle, world, binned, tolerance);
-            visibility.draw(triangle, number, sites, |place, depth| match &visible {
-                Some(visible) => refine(self.zbuffer, triangle, visible, place, depth),
-                None => Some(depth),
-            });
         }
         ControlFlow::Continue(tile)
     }
@@ -338,33 +351,42 @@ impl ZbufferWorker<'_> {
     }
 
     fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
-        let Zbuffer { world, job, camera, .. } = self.zbuffer;
+        let Zbuffer { job, camera, .. } = self.zbuffer;
         self.lookup.prepare(tile, parts);
-        let Self { lookup, whitted, fragments: count, .. } = self;
+        let Self { lookup, whitted, hits, fragments: count, .. } = self;
         let area = buffer.area();
-        let triangles: Vec<Option<VisibleTriangle>> = parts.iter().map(|part| lookup.visible(tile, part)).collect();
-        let (mut fragments, mut weights) = (Vec::with_capacity(parts.len()), Vec::with_capacity(parts.len()));
-        for (part, visible) in parts.iter().zip(&triangles) {
-            lookup.fragments_of(part, visible.as_ref(), area, |weight, fragment| {
+        let seen: Vec<(&PixelPart, VisibleTriangle)> =
+            parts.iter().filter_map(|part| Some((part, lookup.visible(tile, part)?))).collect();
+        let places: Vec<[f64; 2]> = seen.iter().map(|(part, _)| part.place).collect();
+        let mut lines = vec![DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; seen.len()];
+        camera.lines(&places, &mut lines);
+        hits.clear();
+        seen.iter().zip(&lines).for_each(|((_, visible), line)| visible.push_line(line, hits));
+        hits.find();
+        let mut wave = whitted.fragments();
+        let mut weights = Vec::with_capacity(seen.len());
+        for (index, ((part, visible), line)) in seen.iter().zip(&lines).enumerate() {
+            let hit = visible.hit_found(line, hits.get(index));
+            lookup.fragments_of(part, visible, (*line, hit), area, |weight, fragment| {
                 weights.push(weight);
-                fragments.push(fragment);
+                wave.push(&fragment);
             });
         }
-        *count += fragments.len() as u64;
-        let mut colors = whitted.shade_fragments(&fragments).iter().copied().zip(weights);
+        *count += weights.len() as u64;
+        let mut colors = Vec::with_capacity(weights.len());
+        wave.shade(|color| colors.push(color));
+        let mut colors = colors.into_iter().zip(weights);
         let each = if self.zbuffer.settings.shading == Shading::Gouraud { 3 } else { 1 };
-        for (part, visible) in parts.iter().zip(&triangles) {
-            if visible.is_some() {
+        for part in parts {
+            if part.number != NOTHING {
                 colors.by_ref().take(each).for_each(|(color, weight)| buffer.add(part.pixel, color, weight));
             } else {
-                let line = camera.line(part.place[0], part.place[1]);
-                let differential = differential(self.zbuffer, part.place);
-                buffer.add(part.pixel, background(world, line.direction, differential.as_ref(), &mut ()), part.share);
+                buffer.add(part.pixel, around(self.zbuffer, part.place), part.share);
             }
         }
         if !job.aovs.is_empty() {
-            for (part, visible) in parts.iter().zip(&triangles) {
-                layers(self.zbuffer, whitted, part, visible.as_ref(), buffer);
+            for part in parts {
+                layers(self.zbuffer, whitted, part, lookup.visible(tile, part).as_ref(), buffer);
             }
         }
     }
@@ -387,30 +409,27 @@ impl TriangleLookup<'_> {
             .and_then(|triangle| self.cache.triangle(triangle.source, world, binned))
     }
 
-    /// Calls `add` with the fragments that are shaded for a part of a pixel, and their weights in the pixel.
+    /// Calls `add` with the fragments that are shaded for a part of a pixel, and their weights in the pixel. `seen` is
+    /// the line to the part, with its hit.
     #[inline]
     fn fragments_of<'t>(
         &self,
         part: &PixelPart,
-        visible: Option<&'t VisibleTriangle<'t>>,
+        visible: &'t VisibleTriangle<'t>,
+        seen: (DRay, Hit),
         [x, y, width, _]: [u32; 4],
         mut add: impl FnMut(f64, Fragment<'t>),
     ) {
         let Zbuffer { camera, settings, sampler, .. } = self.zbuffer;
-        let Some(visible) = visible else { return };
         let sample = sampler.pixel([x + part.pixel as u32 % width, y + part.pixel as u32 / width]).sample(0, 1);
         let differential = differential(self.zbuffer, part.place);
         let fragment =
             |(line, hit), is_flat| Fragment { line, hit, facet: visible.facet(), is_flat, differential, sample };
-        let seen = || {
-            let line = camera.line(part.place[0], part.place[1]);
-            (line, visible.hit(&line))
-        };
         match settings.shading {
-            Shading::Phong => add(part.share, fragment(seen(), false)),
+            Shading::Phong => add(part.share, fragment(seen, false)),
             Shading::Flat => add(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true)),
             Shading::Gouraud => {
-                let [u, v] = seen().1.uv.map(f64::from);
+                let [u, v] = seen.1.uv.map(f64::from);
                 for (weight, uv) in [(1.0 - u - v, [0.0, 0.0]), (u, [1.0, 0.0]), (v, [0.0, 1.0])] {
                     add(part.share * weight.max(0.0), fragment(visible.seen_from(camera.eye(), uv), false));
                 }
@@ -430,6 +449,16 @@ fn refine(
 ) -> Option<f32> {
     let Zbuffer { world, camera, projection, .. } = zbuffer;
     refined_depth(triangle, visible, &camera.line(x, y), depth, projection, world, 0.5)
+}
+
+/// The colour at a place of the picture where nothing is.
+fn around(zbuffer: &Zbuffer, place: [f64; 2]) -> Rgb {
+    let Zbuffer { world, camera, .. } = zbuffer;
+    if world.environment.is_none() {
+        return world.background;
+    }
+    let line = camera.line(place[0], place[1]);
+    background(world, line.direction, differential(zbuffer, place).as_ref(), &mut ())
 }
 
 /// The ray differential at a place of the picture, if the world needs it.

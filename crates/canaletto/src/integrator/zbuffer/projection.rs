@@ -154,16 +154,16 @@ fn across(forward: DVec3) -> (DVec3, DVec3) {
     (y, x)
 }
 
-/// The coefficients (α, β, γ) for which the depth at a place is α x + β y + γ, on the plane through three points. None
-/// if the plane is seen edge on.
+/// The coefficients (α, β, γ) for which the depth at a place is α x + β y + γ, on the plane through three points. They
+/// aren't finite if the plane is seen edge on. Then the determinant, which is positive if the points run
+/// counter-clockwise, seen from the eye.
 #[inline(always)]
-pub(super) fn depth_plane([a, b, c]: [DVec4; 3]) -> Option<DVec3> {
+pub(super) fn depth_plane([a, b, c]: &[DVec4; 3]) -> (DVec3, f64) {
     // Cramer's rule for α X + β Y + γ W = D at the three points.
-    let [p, q, r] = [a, b, c].map(|v| v.truncate());
+    let [p, q, r] = [a.truncate(), b.truncate(), c.truncate()];
     let (qr, rp, pq) = (q.cross(r), r.cross(p), p.cross(q));
     let determinant = p.dot(qr);
-    let plane = (qr * a.w + rp * b.w + pq * c.w) / determinant;
-    plane.is_finite().then_some(plane)
+    ((qr * a.w + rp * b.w + pq * c.w) / determinant, determinant)
 }
 
 impl Projection {

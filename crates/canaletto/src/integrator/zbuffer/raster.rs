@@ -4,6 +4,7 @@
 //! Algorithm for Polygon Rasterization*, 1988). By the top-left rule a sample on a shared edge belongs to one triangle.
 //! No crack opens between triangles that share corners. Depths come from the plane before snapping.
 
+use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, DVec4};
 
 /// The parts of a pixel that corners are snapped to.
@@ -42,15 +43,42 @@ pub(super) struct ScreenTriangle {
 }
 
 impl ScreenTriangle {
+    /// A triangle without area.
+    const NOTHING: ScreenTriangle = ScreenTriangle {
+        corners: [[0; 2]; 3],
+        plane: DVec3::ZERO,
+        range: [0.0; 2],
+        source: Source { instance: 0, primitive: 0, triangle: 0, is_of_mesh: false },
+        has_holes: false,
+        is_curved: false,
+    };
+
     /// The triangle with these corners, whose W is positive, on the plane of a depth. None if it has no area after
     /// snapping.
-    #[inline]
-    pub(super) fn new(corners: [DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
-        let [a, b, c] = corners;
+    pub(super) fn new(corners: &[DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
+        let (snapped, range) = Self::snapped(corners);
+        Self::of_snapped(snapped, plane, range, source)
+    }
+
+    /// The places of the corners in 1/256 pixels, and the least and the largest depth.
+    #[inline(always)]
+    pub(super) fn snapped([a, b, c]: &[DVec4; 3]) -> ([[i32; 2]; 3], [f32; 2]) {
         let [ia, ib, ic] = [1.0 / a.z, 1.0 / b.z, 1.0 / c.z];
-        let snapped = [snap(a, ia), snap(b, ib), snap(c, ic)];
         let depths = [(a.w * ia) as f32, (b.w * ib) as f32, (c.w * ic) as f32];
-        let range = [depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2])];
+        let least = |a: f32, b: f32| if b < a { b } else { a };
+        let most = |a: f32, b: f32| if b > a { b } else { a };
+        let range = [least(least(depths[0], depths[1]), depths[2]), most(most(depths[0], depths[1]), depths[2])];
+        ([snap(a, ia), snap(b, ib), snap(c, ic)], range)
+    }
+
+    /// The triangle with these corners in 1/256 pixels. None if it has no area.
+    #[inline(always)]
+    pub(super) fn of_snapped(
+        snapped: [[i32; 2]; 3],
+        plane: DVec3,
+        range: [f32; 2],
+        source: Source,
+    ) -> Option<ScreenTriangle> {
         let mut triangle =
             ScreenTriangle { corners: snapped, plane, range, source, has_holes: false, is_curved: false };
         let area = triangle.doubled_area();
@@ -68,16 +96,12 @@ impl ScreenTriangle {
 
     /// The first and the last column and row of pixels, `[x, y]` each, that hold one of the triangle's samples. `sites`
     /// bounds the samples' places in a pixel. None if there are none within the rectangle from `low` to `high`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn pixels(&self, sites: &Sites, low: [i32; 2], high: [i32; 2]) -> Option<[[i32; 2]; 2]> {
         let [a, b, c] = self.corners;
         let (mut first, mut last) = ([0; 2], [0; 2]);
         for axis in 0..2 {
-            let least = a[axis].min(b[axis]).min(c[axis]);
-            let most = a[axis].max(b[axis]).max(c[axis]);
-            // The first pixel with a site at or after the least coordinate, the last with one before the largest.
-            first[axis] = (least - sites.last[axis] + SUBPIXELS as i32 - 1).div_euclid(SUBPIXELS as i32).max(low[axis]);
-            last[axis] = (most - sites.first[axis]).div_euclid(SUBPIXELS as i32).min(high[axis]);
+            (first[axis], last[axis]) = sites.pixels(axis, [a[axis], b[axis], c[axis]], low[axis], high[axis]);
             if first[axis] > last[axis] {
                 return None;
             }
@@ -107,13 +131,16 @@ impl ScreenTriangle {
     #[inline(always)]
     pub(super) fn depth(&self, x: f64, y: f64) -> f32 {
         let depth = (self.plane.x * x + self.plane.y * y + self.plane.z) as f32;
-        depth.max(self.range[0]).min(self.range[1])
+        // Without the rules of `f32::max` for NaN, which cost instructions.
+        let [farthest, nearest] = self.range;
+        let depth = if depth > farthest { depth } else { farthest };
+        if depth < nearest { depth } else { nearest }
     }
 }
 
 /// The place of a homogeneous corner in 1/256 pixels; `inverse` is 1/W.
 #[inline(always)]
-fn snap(corner: DVec4, inverse: f64) -> [i32; 2] {
+fn snap(corner: &DVec4, inverse: f64) -> [i32; 2] {
     let scale = SUBPIXELS as f64 * inverse;
     [nearest(corner.x * scale), nearest(corner.y * scale)]
 }
@@ -177,11 +204,26 @@ impl Sites {
         Sites::new(pattern.iter().map(|[dx, dy]| [x + f64::from(*dx) / 16.0, y + f64::from(*dy) / 16.0]))
     }
 
+    /// The first and the last pixel from `low` to `high` along an axis that may hold samples of a triangle with these
+    /// coordinates in 1/256 pixels.
+    #[inline(always)]
+    pub(super) fn pixels(&self, axis: usize, [a, b, c]: [i32; 3], low: i32, high: i32) -> (i32, i32) {
+        let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+        // The first pixel with a site at or after the least coordinate, the last with one before the largest.
+        let first =
+            (least.wrapping_sub(self.last[axis]).wrapping_add(SUBPIXELS as i32 - 1)) >> SUBPIXELS.trailing_zeros();
+        let last = most.wrapping_sub(self.first[axis]) >> SUBPIXELS.trailing_zeros();
+        (first.max(low), last.min(high))
+    }
+
     /// The number of sites in a pixel.
     pub(super) fn len(&self) -> usize {
         self.places.len()
     }
 }
+
+/// The number of pixels of a row that are drawn side by side.
+const LANES: usize = 8;
 
 /// No triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
@@ -193,6 +235,7 @@ pub(super) struct VisibilityBuffer {
     corner: [i32; 2],
     size: [i32; 2],
     /// The depth and the number of the triangle at each sample: one plane of pixels for each site, in rows from below.
+    /// [`LANES`] further elements let each pixel be the first of that many.
     depths: Vec<f32>,
     numbers: Vec<u32>,
 }
@@ -201,7 +244,7 @@ impl VisibilityBuffer {
     /// Removes everything. The buffer then holds this rectangle, and what is farther than `far_depth` isn't drawn.
     pub(super) fn reset(&mut self, corner: [i32; 2], size: [i32; 2], sites: &Sites, far_depth: f32) {
         (self.corner, self.size) = (corner, size);
-        let samples = size[0] as usize * size[1] as usize * sites.len();
+        let samples = size[0] as usize * size[1] as usize * sites.len() + LANES;
         self.depths.clear();
         self.depths.resize(samples, far_depth);
         self.numbers.clear();
@@ -219,11 +262,63 @@ impl VisibilityBuffer {
         &self.depths[..self.size[0] as usize * self.size[1] as usize]
     }
 
-    /// Draws triangle number `number`. Nearer depths win; of equal depths, the triangle that was drawn first.
-    /// `refine` is asked about triangles with holes and of curved surfaces. It gets the place in pixels and the depth
-    /// there, and returns the surface's own depth, or none where nothing is there.
-    #[inline]
-    pub(super) fn draw(
+    /// Draws triangles with their numbers. Nearer depths win; of equal depths, the triangle that was drawn first.
+    /// Triangles that [need refinement](ScreenTriangle::needs_refinement) are given to `refined`, which draws them.
+    pub(super) fn draw<'t>(
+        &mut self,
+        triangles: impl Iterator<Item = (u32, &'t ScreenTriangle)>,
+        sites: &Sites,
+        refined: impl FnMut(&mut VisibilityBuffer, u32, &ScreenTriangle),
+    ) {
+        InstructionSet::run(Draw { buffer: self, triangles, sites, refined });
+    }
+
+    /// Draws a triangle that needs no refinement, eight pixels of a row side by side.
+    #[inline(always)]
+    fn draw_plain(&mut self, triangle: &ScreenTriangle, number: u32, sites: &Sites) {
+        let [x0, y0] = self.corner;
+        let [width, height] = self.size;
+        let Some([first, last]) = triangle.pixels(sites, self.corner, [x0 + width - 1, y0 + height - 1]) else {
+            return;
+        };
+        let [a, b, c] = triangle.corners;
+        let plane_size = width as usize * height as usize;
+        for (site, &[dx, dy]) in sites.places.iter().enumerate() {
+            let place =
+                [i64::from(first[0]) * SUBPIXELS + i64::from(dx), i64::from(first[1]) * SUBPIXELS + i64::from(dy)];
+            let [e0, e1, e2] = [Edge::new(a, b, place), Edge::new(b, c, place), Edge::new(c, a, place)];
+            let sub = [f64::from(dx) / SUBPIXELS as f64, f64::from(dy) / SUBPIXELS as f64];
+            let mut row = [e0.value, e1.value, e2.value];
+            for y in first[1]..=last[1] {
+                let [mut v0, mut v1, mut v2] = row;
+                let start = site * plane_size + (y - y0) as usize * width as usize;
+                let y_place = f64::from(y) + sub[1];
+                let mut x = first[0];
+                while x <= last[0] {
+                    let index = start + (x - x0) as usize;
+                    let depths = &mut self.depths[index..][..LANES];
+                    let numbers = &mut self.numbers[index..][..LANES];
+                    for i in 0..LANES {
+                        let step = i as i64;
+                        let edges = (v0 + e0.right * step) | (v1 + e1.right * step) | (v2 + e2.right * step);
+                        let column = x + i as i32;
+                        let depth = triangle.depth(f64::from(column) + sub[0], y_place);
+                        let is_seen = (edges >= 0) & (column <= last[0]) & (depth > depths[i]);
+                        depths[i] = if is_seen { depth } else { depths[i] };
+                        numbers[i] = if is_seen { number } else { numbers[i] };
+                    }
+                    x += LANES as i32;
+                    let steps = LANES as i64;
+                    (v0, v1, v2) = (v0 + e0.right * steps, v1 + e1.right * steps, v2 + e2.right * steps);
+                }
+                row = [row[0] + e0.up, row[1] + e1.up, row[2] + e2.up];
+            }
+        }
+    }
+
+    /// Draws triangle number `number` of a surface with holes or of a curved one. `refine` gets the place in pixels and
+    /// the triangle's depth there, and returns the surface's own depth, or none where nothing is there.
+    pub(super) fn draw_refined(
         &mut self,
         triangle: &ScreenTriangle,
         number: u32,
@@ -236,7 +331,6 @@ impl VisibilityBuffer {
             return;
         };
         let [a, b, c] = triangle.corners;
-        let needs_refinement = triangle.needs_refinement();
         let plane_size = width as usize * height as usize;
         for (site, &[dx, dy]) in sites.places.iter().enumerate() {
             let place =
@@ -253,7 +347,7 @@ impl VisibilityBuffer {
                         let index = start + (x - x0) as usize;
                         let x_place = f64::from(x) + sub[0];
                         let mut depth = triangle.depth(x_place, y_place);
-                        if needs_refinement && (triangle.is_curved || depth > self.depths[index]) {
+                        if triangle.is_curved || depth > self.depths[index] {
                             depth = refine([x_place, y_place], depth).unwrap_or(f32::NEG_INFINITY);
                         }
                         if depth > self.depths[index] {
@@ -263,6 +357,45 @@ impl VisibilityBuffer {
                     (v0, v1, v2) = (v0 + e0.right, v1 + e1.right, v2 + e2.right);
                 }
                 row = [row[0] + e0.up, row[1] + e1.up, row[2] + e2.up];
+            }
+        }
+    }
+}
+
+/// [`VisibilityBuffer::draw`].
+struct Draw<'a, T, R> {
+    buffer: &'a mut VisibilityBuffer,
+    triangles: T,
+    sites: &'a Sites,
+    refined: R,
+}
+
+impl<'t, T, R> Kernel for Draw<'_, T, R>
+where
+    T: Iterator<Item = (u32, &'t ScreenTriangle)>,
+    R: FnMut(&mut VisibilityBuffer, u32, &ScreenTriangle),
+{
+    type Answer = ();
+
+    #[inline(always)]
+    fn run(mut self) {
+        // Triangles lie scattered in memory. Copies of several are read at once, and the reads overlap.
+        let mut copies = [(0, ScreenTriangle::NOTHING); LANES];
+        loop {
+            let mut len = 0;
+            for (copy, (number, triangle)) in copies.iter_mut().zip(self.triangles.by_ref()) {
+                *copy = (number, *triangle);
+                len += 1;
+            }
+            for (number, triangle) in &copies[..len] {
+                if triangle.needs_refinement() {
+                    (self.refined)(self.buffer, *number, triangle);
+                } else {
+                    self.buffer.draw_plain(triangle, *number, self.sites);
+                }
+            }
+            if len < LANES {
+                return;
             }
         }
     }
@@ -295,7 +428,7 @@ mod tests {
     fn triangle(corners: [[f64; 3]; 3]) -> Option<ScreenTriangle> {
         // Places in pixels at a depth of z.
         let corners = corners.map(|[x, y, z]| DVec4::new(x * z, y * z, z, 1.0));
-        ScreenTriangle::new(corners, depth_plane(corners)?, SOURCE)
+        ScreenTriangle::new(&corners, depth_plane(&corners).0, SOURCE)
     }
 
     /// A fan around a point covers each sample of a square exactly once, whatever the order of the corners.
@@ -321,10 +454,43 @@ mod tests {
                 let Some(triangle) = triangle(corners) else { continue };
                 let mut buffer = VisibilityBuffer::default();
                 buffer.reset([0; 2], [SIDE as i32; 2], &sites, 0.0);
-                buffer.draw(&triangle, 0, &sites, |_, depth| Some(depth));
+                buffer.draw([(0, &triangle)].into_iter(), &sites, |_, _, _| unreachable!());
                 covered.iter_mut().zip(&buffer.numbers).for_each(|(n, number)| *n += u32::from(*number == 0));
             }
             assert!(covered.iter().all(|n| *n == 1), "round {round}");
+        }
+    }
+
+    /// Eight pixels side by side are those one by one.
+    #[test]
+    fn pixels_side_by_side_are_those_one_by_one() {
+        let random = &mut Random(83);
+        for set in InstructionSet::available() {
+            set.limit();
+            for round in 0..50 {
+                let size = [2.0, 20.0, 500.0][round % 3];
+                let sites = Sites::pattern([1, 2, 4, 8][round % 4], [0.5; 2]);
+                let rectangle = ([-7, 3], [37, 21]);
+                let [mut together, mut alone] = [(); 2].map(|()| {
+                    let mut buffer = VisibilityBuffer::default();
+                    buffer.reset(rectangle.0, rectangle.1, &sites, 0.1);
+                    buffer
+                });
+                let triangles: Vec<ScreenTriangle> = (0..200)
+                    .filter_map(|_| {
+                        let middle = [random.within(-10.0, 40.0), random.within(0.0, 30.0)].map(f64::from);
+                        let mut at = |m: f64| m + f64::from(random.within(-size, size));
+                        let corners = [(); 3].map(|()| [at(middle[0]), at(middle[1])]);
+                        triangle(corners.map(|[x, y]| [x, y, f64::from(random.within(0.5, 12.0))]))
+                    })
+                    .collect();
+                together.draw((0..).zip(&triangles), &sites, |_, _, _| unreachable!());
+                for (number, triangle) in (0..).zip(&triangles) {
+                    alone.draw_refined(triangle, number, &sites, |_, depth| Some(depth));
+                }
+                assert!(alone.numbers.iter().any(|number| *number != NOTHING));
+                assert!(together.numbers == alone.numbers && together.depths == alone.depths, "round {round}");
+            }
         }
     }
 
@@ -348,16 +514,15 @@ mod tests {
         for order in [[0, 1], [1, 0]] {
             let mut buffer = VisibilityBuffer::default();
             buffer.reset([0; 2], [8; 2], &sites, 0.25);
-            for number in order {
-                buffer.draw([&near, &far][number as usize], number, &sites, |_, depth| Some(depth));
-            }
+            let triangles = order.map(|number| (number, [&near, &far][number as usize]));
+            buffer.draw(triangles.into_iter(), &sites, |_, _, _| unreachable!());
             assert_eq!((buffer.number(0, 0), buffer.number(0, 63)), (0, NOTHING));
         }
         // What lies beyond the far plane at z = 4 isn't drawn.
         let beyond = triangle(corners(5.0)).unwrap();
         let mut buffer = VisibilityBuffer::default();
         buffer.reset([0; 2], [8; 2], &sites, 0.25);
-        buffer.draw(&beyond, 0, &sites, |_, depth| Some(depth));
+        buffer.draw([(0, &beyond)].into_iter(), &sites, |_, _, _| unreachable!());
         assert_eq!(buffer.number(0, 0), NOTHING);
     }
 }

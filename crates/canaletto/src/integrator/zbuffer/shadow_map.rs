@@ -148,7 +148,7 @@ impl ShadowMap {
         let neighbours = [point, point + u * texel, point + v * texel].map(|p| self.projection.point(p));
         let own = at.w / at.z;
         let [farthest, nearest] = self.projection.depths_around(own, texel * side * 0.5);
-        let plane = depth_plane(neighbours);
+        let (plane, _) = depth_plane(&neighbours);
         let [left, below] = [x, y].map(|v| (v - 0.5).floor());
         let (fx, fy) = (x - 0.5 - left, y - 0.5 - below);
         let mut passed = 0.0;
@@ -157,7 +157,7 @@ impl ShadowMap {
             let [column, row] = [left + f64::from(i), below + f64::from(j)];
             let [cx, cy] = [column, row].map(|v| v.clamp(0.0, side - 1.0));
             let depth = self.depths[cy as usize * self.side as usize + cx as usize];
-            let tangent = plane.map_or(own, |plane| plane.x * (cx + 0.5) + plane.y * (cy + 0.5) + plane.z);
+            let tangent = plane.x * (cx + 0.5) + plane.y * (cy + 0.5) + plane.z;
             // Where the plane is seen edge on, its depth at the texel says nothing about the point.
             let receiver = if tangent.is_finite() { tangent.max(farthest).min(nearest) } else { own };
             if f64::from(depth) <= self.projection.nearer(receiver, texel) {

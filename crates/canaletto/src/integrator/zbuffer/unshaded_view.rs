@@ -90,12 +90,10 @@ impl<'w> UnshadedView<'w> {
             let mut visibility = VisibilityBuffer::default();
             visibility.reset(corner, size, &sites, f32::NEG_INFINITY);
             cache.clear();
-            for (number, triangle) in (0..).zip(binned.tile(tile as usize)) {
-                if !(self.is_seen)(triangle) {
-                    continue;
-                }
+            let triangles = (0..).zip(binned.tile(tile as usize)).filter(|(_, triangle)| (self.is_seen)(triangle));
+            visibility.draw(triangles, &sites, |visibility, number, triangle| {
                 let visible = cache.triangle_to_refine(triangle, world, &binned, tolerance);
-                visibility.draw(triangle, number, &sites, |place, depth| {
+                visibility.draw_refined(triangle, number, &sites, |place, depth| {
                     let Some(visible) = &visible else { return Some(depth) };
                     let line = projection.line(place);
                     let least_coverage = (self.least_coverage)(place, triangle.source);
@@ -104,7 +102,7 @@ impl<'w> UnshadedView<'w> {
                     let t = 1.0 / (f64::from(depth) * projection.depth_factor(&line));
                     (!triangle.is_curved || t > visible.rounding(&line)).then_some(depth)
                 });
-            }
+            });
             let number = tile as usize;
             read(&mut DrawnTile { corner, size, visibility: &visibility, view: self, binned: &binned, cache, number })
         };

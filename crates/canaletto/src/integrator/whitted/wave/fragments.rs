@@ -27,20 +27,22 @@ pub(crate) struct Fragment<'a> {
     pub(crate) sample: Sample,
 }
 
-impl Whitted<'_> {
-    /// The colours of fragments: (5.39b) up to the stage of the settings, without reflected and refracted rays, and
-    /// with opaque coverage.
-    pub(crate) fn shade_fragments(&mut self, fragments: &[Fragment]) -> &[Rgb] {
+/// Fragments that are shaded together.
+pub(crate) struct FragmentWave<'a, 'w> {
+    whitted: &'a mut Whitted<'w>,
+    wave: Wave,
+    surface_inputs: SurfaceInputs8,
+}
+
+impl<'w> Whitted<'w> {
+    /// A wave of fragments, still empty.
+    pub(crate) fn fragments(&mut self) -> FragmentWave<'_, 'w> {
         let mut wave = std::mem::take(&mut self.waves.pending);
         wave.batch.clear();
-        self.fragment_wave(fragments, &mut wave);
-        self.shade_wave(&mut wave);
-        wave.colors.clear();
-        let shaded = wave.interactions.each().iter();
-        wave.colors.extend(shaded.map(|interaction| interaction.material.under_overlay(interaction.color)));
-        wave.batch.clear();
-        self.waves.pending = wave;
-        &self.waves.pending.colors
+        wave.interactions.clear();
+        wave.footprints.clear();
+        let surface_inputs = std::mem::replace(&mut self.waves.surface_inputs, SurfaceInputs8::NONE);
+        FragmentWave { whitted: self, wave, surface_inputs }
     }
 
     /// The colour of one fragment, for a probe that observes it as the hit of a camera ray.
@@ -91,32 +93,41 @@ impl Whitted<'_> {
         point.coverage = 1.0;
         (surface, point, footprint)
     }
+}
 
-    /// Makes fragments the interactions of a wave.
-    fn fragment_wave(&mut self, fragments: &[Fragment], wave: &mut Wave) {
-        let Wave { batch, interactions, footprints, .. } = wave;
-        let world = self.world;
-        interactions.clear();
-        footprints.clear();
-        let mut surface_inputs = std::mem::replace(&mut self.waves.surface_inputs, SurfaceInputs8::NONE);
-        let inputs = &mut surface_inputs;
-        for (index, fragment) in fragments.iter().enumerate() {
-            let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
-            batch.push_camera_rays(&[*line], &[*sample], *differential);
-            let material = world.material(hit);
-            let (interactions8, lane) = interactions.next();
-            inputs.set_line(lane, line);
-            if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
-                let color = world.push_surface(line, hit, lane, inputs, &mut interactions8.surfaces);
-                interactions.push(index, hit, inputs, |point| material.set(point, color));
-            } else {
-                let (surface, point, footprint) = self.evaluate(fragment, &mut ());
-                footprints.extend(footprint);
-                interactions8.surfaces.set(lane, &surface);
-                interactions.push(index, hit, inputs, |material| *material = point);
-            }
+impl FragmentWave<'_, '_> {
+    /// Adds a fragment.
+    #[inline]
+    pub(crate) fn push(&mut self, fragment: &Fragment) {
+        let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
+        let FragmentWave { whitted, wave, surface_inputs } = self;
+        let index = wave.batch.len();
+        wave.batch.push_camera_rays(&[*line], &[*sample], *differential);
+        let material = whitted.world.material(hit);
+        let (interactions8, lane) = wave.interactions.next();
+        surface_inputs.set_line(lane, line);
+        if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
+            let color = whitted.world.push_surface(line, hit, lane, surface_inputs, &mut interactions8.surfaces);
+            wave.interactions.push(index, hit, surface_inputs, |point| material.set(point, color));
+        } else {
+            let (surface, point, footprint) = whitted.evaluate(fragment, &mut ());
+            wave.footprints.extend(footprint);
+            interactions8.surfaces.set(lane, &surface);
+            wave.interactions.push(index, hit, surface_inputs, |material| *material = point);
         }
-        interactions.evaluate(inputs);
-        self.waves.surface_inputs = surface_inputs;
+    }
+
+    /// Gives `add` the colour of each fragment in turn: (5.39b) up to the stage of the settings, without reflected
+    /// and refracted rays, and with opaque coverage.
+    pub(crate) fn shade(self, mut add: impl FnMut(Rgb)) {
+        let FragmentWave { whitted, mut wave, mut surface_inputs } = self;
+        wave.interactions.evaluate(&mut surface_inputs);
+        whitted.waves.surface_inputs = surface_inputs;
+        whitted.shade_wave(&mut wave);
+        for interaction in wave.interactions.each() {
+            add(interaction.material.under_overlay(interaction.color));
+        }
+        wave.batch.clear();
+        whitted.waves.pending = wave;
     }
 }
