@@ -1,9 +1,9 @@
 //! The scene text: KDL 2 to [`Scene`].
 //!
 //! The stages: `files` reads a text and its includes, and `syntax` parses it into nodes. `overrides` applies
-//! assignments to their values, `arithmetic` replaces expressions by numbers, and `animate` evaluates keys and paths for
-//! a frame. `decode` validates the nodes against `schema` and builds the scene. Each stage reports every mistake and
-//! continues.
+//! assignments to their values, `arithmetic` replaces expressions by numbers, and `animate` evaluates keys and paths
+//! for a frame. `decode` validates the nodes against `schema` and builds the scene. Each stage reports every mistake
+//! and continues.
 
 mod animate;
 mod arithmetic;
@@ -48,8 +48,8 @@ pub fn read_scene(name: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics
 }
 
 /// Reads the scene of a file after applying overrides, and returns it with its warnings. `set` holds assignments such
-/// as `integrator.max-depth=3`, `material.glass.eta=1.4`, `integrator=zbuffer` or `film.sample="jittered" n=4`. Messages
-/// about the n-th assignment name line n of the file `--set`. Animated values are those of the first frame.
+/// as `integrator.max-depth=3`, `material.glass.eta=1.4`, `integrator=zbuffer` or `film.sample="jittered" n=4`.
+/// Messages about the n-th assignment name line n of the file `--set`. Animated values are those of the first frame.
 ///
 /// # Errors
 /// Every mistake in the text and in the files that it names.
