@@ -18,6 +18,7 @@ mod inputs;
 mod instructions;
 mod interrupt;
 mod layers;
+mod legend;
 #[cfg(test)]
 mod manual;
 mod memory;
@@ -38,10 +39,13 @@ mod source;
 mod stdout;
 mod terminal;
 mod watch;
+mod watched;
 
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
-use command::{bake, check, compare, compare_methods, completions, explain, form_factor, info, man, measure, render};
+use command::{
+    bake, check, compare, compare_methods, completions, explain, form_factor, info, ladder, man, measure, render,
+};
 use exit::Exit;
 use failure::Failure;
 use std::io::Write;
@@ -81,6 +85,7 @@ Examples:
   canaletto explain scene.kdl --pixel 115,80     # why this pixel has this colour
   canaletto compare a.png b.exr --diff diff.png
   canaletto compare-methods scene.kdl            # z-buffer and ray tracing, and why they differ
+  canaletto ladder scene.kdl                     # a sheet of pictures, each with one term more
 `canaletto help render` shows the whole help of a command.";
 
 #[derive(Subcommand, Debug)]
@@ -93,6 +98,7 @@ enum Command {
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
+    Ladder(Box<ladder::LadderFlags>),
     Check(check::CheckFlags),
     Completions(completions::CompletionsFlags),
     Man(man::ManFlags),
@@ -134,6 +140,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),
+        Command::Ladder(flags) => ladder::run(flags),
         Command::Check(flags) => check::run(flags),
         Command::Completions(flags) => completions::run(flags, Cli::command()),
         Command::Man(flags) => man::run(flags, Cli::command()),
@@ -146,6 +153,7 @@ impl Command {
         let progress = match self {
             Command::Render(flags) => flags.progress,
             Command::CompareMethods(flags) => flags.progress,
+            Command::Ladder(flags) => flags.progress,
             Command::Bake(flags) => flags.progress,
             _ => return false,
         };

@@ -7,10 +7,12 @@ use crate::output_format::Format;
 use crate::partial::{free_partial_path, remove_part};
 use crate::stdout::check_open;
 use canaletto::render::Job;
+use canaletto::scene::Transfer;
 use canaletto_io::diagnostic::word_list;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{
-    AtomicFile, Compression, EncodeSettings, PartError, PictureError, WriteError, WriteOptions, sweep, write_atomically,
+    AtomicFile, Compression, EncodeSettings, Image, PartError, PictureError, PictureFormat, WriteError, WriteOptions,
+    decode_srgb, sweep, write_atomically,
 };
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
@@ -238,6 +240,23 @@ impl Output {
         write(path, self.options(), bytes)?;
         remove_part(path);
         Ok(())
+    }
+
+    /// Writes a drawing, whose values are display values of the sRGB curve.
+    pub(crate) fn write_drawing(
+        &self,
+        path: &Path,
+        format: PictureFormat,
+        image: Image,
+        texts: &[(String, String)],
+    ) -> Result<(), Failure> {
+        let is_linear = format.capabilities().is_some_and(|can| can.linear);
+        let (image, transfer) =
+            if is_linear { (image.map_color(decode_srgb), Transfer::None) } else { (image, Transfer::Srgb) };
+        let EncodeSettings { bits, compression, .. } = self.settings;
+        let settings = EncodeSettings { bits, compression, ..EncodeSettings::default() };
+        let bytes = format.encode_image(&image, transfer, &settings, texts);
+        self.write(path, &bytes.map_err(|e| unfit(&e))?)
     }
 
     /// Writes a partial picture beside its file; returns the path. An output that no file can lie beside receives the

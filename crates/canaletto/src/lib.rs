@@ -48,6 +48,7 @@ pub mod film;
 pub mod form_factor;
 pub mod integrator;
 mod job;
+pub mod ladder;
 pub mod light;
 pub mod material;
 pub mod math;

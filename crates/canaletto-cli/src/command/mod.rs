@@ -8,6 +8,7 @@ pub(crate) mod completions;
 pub(crate) mod explain;
 pub(crate) mod form_factor;
 pub(crate) mod info;
+pub(crate) mod ladder;
 pub(crate) mod man;
 pub(crate) mod measure;
 pub(crate) mod render;

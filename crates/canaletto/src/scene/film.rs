@@ -91,6 +91,15 @@ impl Sampling {
         }
     }
 
+    /// Whether each pixel has one ray.
+    pub fn is_single(&self) -> bool {
+        match self {
+            Sampling::Corner | Sampling::Center => true,
+            Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Sampled(n) => *n == 1,
+            Sampling::Adaptive { .. } => false,
+        }
+    }
+
     /// The largest n of a grid of n × n rays in a pixel.
     pub const MAX_GRID: u32 = 16;
     /// The largest number of rays of [`Sampling::Sampled`].

@@ -3,6 +3,7 @@
 use super::MethodComparison;
 use crate::format::count;
 use crate::layers::developed;
+use crate::legend::{INK, MARGIN, PAPER, wrapped};
 use canaletto::Named;
 use canaletto::causes::Cause;
 use canaletto::film::Picture;
@@ -27,9 +28,6 @@ fn color(cause: Cause) -> [f32; 3] {
     };
     [r, g, b].map(|v: u8| f32::from(v) / 255.0)
 }
-
-const PAPER: [f32; 3] = [0.12; 3];
-const INK: [f32; 3] = [0.93; 3];
 
 /// The greys of the dimmed reference, from black to white.
 const DIMMED: [f32; 2] = [0.2, 0.6];
@@ -79,9 +77,6 @@ impl Legend {
 
 /// The characters of an entry, with its swatch and a gap.
 const ENTRY: usize = 3 + 14 + 1 + 9 + 1 + 7 + 2;
-
-/// The pixels around texts, at scale 1.
-const MARGIN: u32 = 6;
 
 /// The picture of all comparisons, one below the other, in display values. Each has the pixels of the reference at its
 /// upper left.
@@ -136,30 +131,9 @@ fn draw_pixels(canvas: &mut Canvas, top: u32, comparison: &MethodComparison, ima
     }
 }
 
-/// The words of a text in lines of at most this many characters. Longer words have lines of their own.
-fn wrapped(text: &str, characters: usize) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= characters => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    lines
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn titles_are_wrapped_between_words() {
-        assert_eq!(wrapped("aa bb cc", 5), ["aa bb", "cc"]);
-        assert_eq!(wrapped("aaaaaaa b", 3), ["aaaaaaa", "b"]);
-    }
 
     #[test]
     fn causes_have_colours_of_their_own() {

@@ -10,29 +10,28 @@ use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags, named};
 use crate::format::bytes;
 use crate::frame_writer::window;
-use crate::interrupt;
 use crate::omissions::doubt_omissions;
 use crate::output::{Output, OutputFlags, replaced, unfit};
-use crate::progress::{ProgressDisplay, ProgressFlag, RunProgress, Style};
+use crate::progress::{ProgressDisplay, ProgressFlag, Style};
 use crate::settings::{Settings, metadata};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
+use crate::watched::watched;
 use canaletto::Named;
 use canaletto::causes::{Cause, Causes, MethodPicture, find_causes};
 use canaletto::film::Picture;
 use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution};
 use canaletto::memory;
 use canaletto::render::{Job, JobError, Rendering, render, render_with_solution};
-use canaletto::scene::{Integrator, Transfer};
+use canaletto::scene::Integrator;
 use canaletto::world::World;
-use canaletto_io::picture::{EncodeSettings, PictureFormat, Rendered, decode_srgb};
+use canaletto_io::picture::{EncodeSettings, PictureFormat, Rendered};
 use canaletto_io::text::closest_word;
 use cause_picture::cause_picture;
 use clap::Args;
 use report::MethodsReport;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Renders a scene by several methods, and shows in a picture why they differ.
 ///
@@ -220,7 +219,8 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         &pictures[reference],
         &methods[reference].job.film,
     );
-    work.write_cause_picture(&file, shown)?;
+    let texts = [("methods".to_owned(), methods.iter().map(|m| m.integrator.name()).collect::<Vec<_>>().join(" "))];
+    output.write_drawing(&file, format, shown, &texts)?;
     let files = methods.iter().map(|method| (method.integrator.name(), method.file.clone())).collect();
     let size = [pictures[reference].width, pictures[reference].height];
     Ok(MethodsReport {
@@ -344,32 +344,7 @@ impl MethodsWork<'_> {
         job: &Job,
         work: impl FnOnce(&ProgressDisplay) -> Result<T, JobError>,
     ) -> Result<T, Failure> {
-        let style = Style::new(self.flags.progress, self.flags.quiet);
-        let [_, _, width, height] = job.window();
-        let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
-        let pixels = u64::from(width) * u64::from(height);
-        let watch = ProgressDisplay::begin(style, job.frame, format!("{label}  "), pixels, whole);
-        let _rendering = interrupt::Rendering;
-        interrupt::Rendering::begins();
-        let done = work(&watch);
-        watch.finish();
-        done.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.name)))
-    }
-
-    /// Writes the picture of causes, whose values are display values.
-    fn write_cause_picture(&self, file: &std::path::Path, image: canaletto_io::picture::Image) -> Result<(), Failure> {
-        let is_linear = self.format.capabilities().is_some_and(|can| can.linear);
-        let (image, transfer) =
-            if is_linear { (image.map_color(decode_srgb), Transfer::None) } else { (image, Transfer::Srgb) };
-        let settings = EncodeSettings {
-            bits: self.output.settings.bits,
-            compression: self.output.settings.compression,
-            ..EncodeSettings::default()
-        };
-        let texts =
-            [("methods".to_owned(), self.flags.methods.iter().map(Integrator::name).collect::<Vec<_>>().join(" "))];
-        let bytes = self.format.encode_image(&image, transfer, &settings, &texts);
-        self.output.write(file, &bytes.map_err(|e| unfit(&e))?)
+        watched(Style::new(self.flags.progress, self.flags.quiet), self.name, label, job, work)
     }
 }
 
