@@ -1,8 +1,8 @@
-//! The book's transcripts: each ```` ```console ```` block of a page is run as a reader would run it, and what it prints
-//! is compared with the page. `CANALETTO_BLESS=1` writes what is printed into the page instead.
+//! The book's transcripts: each `console` block of a page is run as a reader would run it, and what it prints is
+//! compared with the page. `CANALETTO_BLESS=1` writes what is printed into the page instead.
 //!
-//! A page has a folder of its own, in which `scenes` is that of the project. A ```` ```kdl ```` block that begins with the
-//! comment `// NAME.kdl` is written to this file there before the commands after it run.
+//! A page has a folder of its own, in which `scenes` is that of the project. A `kdl` block that begins with the comment
+//! `// NAME.kdl` is written to this file there before the commands after it run.
 #![cfg(unix)]
 
 use std::fmt::Write as _;
