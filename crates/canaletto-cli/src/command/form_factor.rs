@@ -211,11 +211,8 @@ fn factors(
 
 /// The objects with this name.
 fn find(scene_name: &str, scene: &Scene, object: &str) -> Result<ObjectIds, Failure> {
-    // `explain` prints the group of an object that has no name of its own.
-    let grouped = object.strip_prefix("group \"").and_then(|rest| rest.rsplit_once("\", "));
-    let own_name = grouped.map_or(object, |(_, own)| own);
     let ids = scene
-        .objects_named(own_name)
+        .objects_named(object)
         .map_err(|e| Failure::new(Exit::Scene, format!("{scene_name}: \"{object}\": {e}")))?;
     if !ids.is_empty() {
         return Ok(ids);

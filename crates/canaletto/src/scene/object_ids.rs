@@ -66,11 +66,27 @@ impl NodeObjects {
     }
 }
 
+/// The name of an object, group or instance.
+struct Name<'a> {
+    /// The name that a world gives an object.
+    name: &'a str,
+    /// Kind and number of an object without a name of its own in a named group.
+    without_group: Option<&'a str>,
+}
+
+impl<'a> Name<'a> {
+    fn own(name: &'a str) -> Name<'a> {
+        Name { name, without_group: None }
+    }
+}
+
 /// A walk in the order in which a world numbers objects.
 struct Walk<'a> {
     scene: &'a Scene,
     /// Called with each name once it is known; returns whether the name is selected.
-    selects: &'a mut dyn FnMut(&str) -> bool,
+    selects: &'a mut dyn FnMut(Name) -> bool,
+    /// The name of the innermost named group around the current node.
+    group_name: Option<&'a str>,
     kinds: HashMap<&'static str, u32>,
     /// The objects of prototypes that were walked.
     finished: HashMap<u32, NodeObjects>,
@@ -78,11 +94,12 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(scene: &'a Scene, selects: &'a mut dyn FnMut(&str) -> bool) -> Walk<'a> {
-        Walk { scene, selects, kinds: HashMap::new(), finished: HashMap::new(), open: Vec::new() }
+    fn new(scene: &'a Scene, selects: &'a mut dyn FnMut(Name) -> bool) -> Walk<'a> {
+        let (kinds, finished) = (HashMap::new(), HashMap::new());
+        Walk { scene, selects, group_name: None, kinds, finished, open: Vec::new() }
     }
 
-    fn node(&mut self, node: &Node, depth: usize) -> Result<NodeObjects, TooManyObjects> {
+    fn node(&mut self, node: &'a Node, depth: usize) -> Result<NodeObjects, TooManyObjects> {
         let mut objects = NodeObjects::default();
         // No world can be built of a scene that is nested deeper.
         if depth > Node::MAX_NESTING {
@@ -95,9 +112,12 @@ impl<'a> Walk<'a> {
             Content::Cylinders(_) => "cylinders",
             Content::Light(light) => return Ok(self.visible_light(node, light)),
             Content::Group(children) => {
+                let outer = self.group_name;
+                self.group_name = node.name.as_deref().or(outer);
                 for child in children {
                     objects.append(&self.node(child, depth + 1)?)?;
                 }
+                self.group_name = outer;
                 return Ok(self.named(node, objects));
             }
             Content::Instance(index) => {
@@ -107,9 +127,14 @@ impl<'a> Walk<'a> {
         };
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
-        let selected = match &node.name {
-            Some(name) => (self.selects)(name),
-            None => (self.selects)(&format!("{kind} #{number}")),
+        let selected = match (&node.name, self.group_name) {
+            (Some(name), _) => (self.selects)(Name::own(name)),
+            (None, None) => (self.selects)(Name::own(&format!("{kind} #{number}"))),
+            (None, Some(group)) => {
+                let own = format!("{kind} #{number}");
+                let name = format!("group \"{group}\", {own}");
+                (self.selects)(Name { name: &name, without_group: Some(&own) })
+            }
         };
         objects.count = 1;
         objects.selected.extend(selected.then_some(0..1));
@@ -124,8 +149,8 @@ impl<'a> Walk<'a> {
         objects.count = count as u64;
         let name = node.name.as_ref().or(light.name.as_ref());
         let selected = match name {
-            Some(name) => (self.selects)(name),
-            None => (self.selects)(&light.visible_name()),
+            Some(name) => (self.selects)(Name::own(name)),
+            None => (self.selects)(Name::own(&light.visible_name())),
         };
         objects.selected.extend((selected && count > 0).then_some(0..count as u64));
         objects
@@ -141,7 +166,10 @@ impl<'a> Walk<'a> {
             return Ok(NodeObjects::default());
         };
         self.open.push(index);
+        // Objects of a prototype have only the names of groups within it.
+        let outer = self.group_name.take();
         let objects = self.node(prototype, depth + 1)?;
+        self.group_name = outer;
         self.open.pop();
         self.finished.insert(index, objects.clone());
         Ok(objects)
@@ -149,7 +177,7 @@ impl<'a> Walk<'a> {
 
     /// All objects of a group or an instance if its name is selected.
     fn named(&mut self, node: &Node, mut objects: NodeObjects) -> NodeObjects {
-        let selected = node.name.as_ref().is_some_and(|name| (self.selects)(name));
+        let selected = node.name.as_ref().is_some_and(|name| (self.selects)(Name::own(name)));
         if selected && objects.count > 0 {
             objects.selected = std::iter::once(0..objects.count).collect();
         }
@@ -160,13 +188,15 @@ impl<'a> Walk<'a> {
 impl Scene {
     /// The objects with this name. The name of a group or an instance stands for all objects inside, and the name of an
     /// object in a prototype stands for all its copies. Objects without a name are called by kind and number, such as
-    /// "sphere #3", as [`crate::world::Object`]. Lights and cameras are no objects.
+    /// "sphere #3", with or without the group around them: [`crate::world::Object::name`]. Lights and cameras are no
+    /// objects.
     ///
     /// # Errors
     /// [`TooManyObjects`] if the objects have more than [`ObjectIds::MAX_RANGES`] runs of numbers, or numbers beyond
     /// `u32`.
     pub fn objects_named(&self, name: &str) -> Result<ObjectIds, TooManyObjects> {
-        let NodeObjects { selected, .. } = self.walk_objects(&mut |other| other == name)?;
+        let NodeObjects { selected, .. } =
+            self.walk_objects(&mut |other| other.name == name || other.without_group == Some(name))?;
         let id = |number: u64| u32::try_from(number + 1).ok().filter(|id| *id < u32::MAX).ok_or(TooManyObjects);
         let ranges =
             selected.into_iter().map(|range| Ok(id(range.start)?..id(range.end)?)).collect::<Result<_, _>>()?;
@@ -177,7 +207,7 @@ impl Scene {
     pub fn for_each_object_name(&self, mut f: impl FnMut(&str)) {
         // Nothing is selected, so that there can't be too many.
         let _ = self.walk_objects(&mut |name| {
-            f(name);
+            f(name.name);
             false
         });
     }
@@ -185,7 +215,7 @@ impl Scene {
     /// The named groups and instances that lie in no other one, with the numbers of the objects inside, in the order of
     /// the file.
     pub fn outermost_groups(&self) -> Vec<(&str, Range<u32>)> {
-        let mut selects = |_: &str| false;
+        let mut selects = |_: Name| false;
         let mut walk = Walk::new(self, &mut selects);
         let (mut groups, mut first) = (Vec::new(), 1u64);
         for node in &self.nodes {
@@ -199,7 +229,7 @@ impl Scene {
         groups
     }
 
-    fn walk_objects(&self, selects: &mut dyn FnMut(&str) -> bool) -> Result<NodeObjects, TooManyObjects> {
+    fn walk_objects(&self, selects: &mut dyn FnMut(Name) -> bool) -> Result<NodeObjects, TooManyObjects> {
         let mut walk = Walk::new(self, selects);
         let mut all = NodeObjects::default();
         for node in &self.nodes {
@@ -264,11 +294,11 @@ mod tests {
         let expected = [
             "first",
             "left",
-            "sphere #3",
+            "group \"pair\", sphere #3",
             "pair",
             "second copy",
-            "sphere #4",
-            "sphere #5",
+            "group \"group\", sphere #4",
+            "group \"group\", sphere #5",
             "inside",
             "group",
             "sphere #6",
