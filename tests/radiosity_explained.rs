@@ -183,10 +183,15 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
             let Outcome::Hit(hit) = &ray.outcome else { continue };
             waiting.extend(&hit.children);
             let Some(light) = &hit.radiosity else { continue };
-            let patch = tree.patches.iter().find(|patch| patch.number == light.patch).expect("the patch is explained");
+            let patch = tree
+                .radiosity
+                .patches
+                .iter()
+                .find(|patch| patch.number == light.patch)
+                .expect("the patch is explained");
             assert_eq!((&patch.object, patch.object_id), (&hit.object, hit.object_id));
             for corner in &light.corners {
-                let place = tree.places.iter().find(|place| match corner.vertex {
+                let place = tree.radiosity.places.iter().find(|place| match corner.vertex {
                     Some(_) => place.vertex == corner.vertex,
                     None => place.patch == Some(light.patch),
                 });
@@ -205,11 +210,11 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
             assert_eq!(Some(light.reflected(kd)), hit.ambient);
         }
     }
-    for patch in &tree.patches {
+    for patch in &tree.radiosity.patches {
         assert_eq!(patch.sum().to_array(), patch.radiance);
         small_rounding(sums_of(patch));
     }
-    for PlaceNode { direct, from_emitters, indirect, .. } in &tree.places {
+    for PlaceNode { direct, from_emitters, indirect, .. } in &tree.radiosity.places {
         small_rounding([direct, from_emitters, indirect]);
     }
     let text = tree.to_string();
@@ -218,9 +223,9 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
         Integrator::Radiosity(RadiositySettings { show: RadiosityShow::Full, .. }) => 1..=2,
         _ => 3..=3,
     };
-    assert!(shown.contains(&(places / tree.places.len().max(1))) || places == 0, "{places}: {text}");
-    assert_eq!(places == 0, tree.places.is_empty());
-    assert_eq!(add_up_patches(&text), 3 * tree.patches.len() + places);
+    assert!(shown.contains(&(places / tree.radiosity.places.len().max(1))) || places == 0, "{places}: {text}");
+    assert_eq!(places == 0, tree.radiosity.places.is_empty());
+    assert_eq!(add_up_patches(&text), 3 * tree.radiosity.patches.len() + places);
     tree
 }
 
@@ -244,8 +249,8 @@ fn printed_terms_add_up_to_patches_and_pixels() {
             for [x, y] in PIXELS {
                 let tree = check(&world, &job, [x, y]);
                 assert_eq!(tree.color, picture.pixel(x, y), "{name} {method:?} {show:?} {x}, {y}");
-                assert!(!tree.patches.is_empty(), "{name} {method:?} {show:?} {x}, {y}");
-                let sums = tree.patches.iter().flat_map(sums_of);
+                assert!(!tree.radiosity.patches.is_empty(), "{name} {method:?} {show:?} {x}, {y}");
+                let sums = tree.radiosity.patches.iter().flat_map(sums_of);
                 kinds.extend(sums.flat_map(|sum| &sum.sources).map(|source| source.kind));
             }
         }
@@ -265,7 +270,7 @@ fn the_largest_source_is_the_one_that_is_near() {
     for (method, error, deviation) in [(RadiosityMethod::Hierarchical, 0.05, 0.05), (RadiosityMethod::Full, 0.05, 0.01)]
     {
         let tree = check(&world, &with(&job, method, error, RadiosityShow::Solution), [3, 21]);
-        let patch = &tree.patches[0];
+        let patch = &tree.radiosity.patches[0];
         assert_eq!((patch.object.as_str(), patch.material.as_str()), ("floor", "white"));
         assert!(patch.center[0] < -0.6 && patch.center[1] == 0.0, "{:?}", patch.center);
         let all_sources = patch.from_emitters.sources.iter().chain(&patch.indirect.sources);

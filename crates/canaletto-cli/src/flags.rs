@@ -1,5 +1,6 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
+use crate::progress::ProgressFlag;
 use crate::watch::ReadLog;
 use canaletto::Named;
 use canaletto::camera::Camera;
@@ -19,6 +20,22 @@ fn scene_help() -> String {
 pub(crate) fn model_extensions() -> String {
     let all: Vec<String> = FORMATS.iter().flat_map(|f| f.extensions).map(|extension| format!(".{extension}")).collect();
     all.join(", ")
+}
+
+/// What a command that reports says, and how.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct MessageFlags {
+    /// Prints JSON
+    #[arg(long, help_heading = "Messages")]
+    pub json: bool,
+
+    /// Sets how progress is shown on stderr
+    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
+    pub progress: ProgressFlag,
+
+    /// Prints no warnings and no progress
+    #[arg(short, long, help_heading = "Messages")]
+    pub quiet: bool,
 }
 
 /// Which scene.

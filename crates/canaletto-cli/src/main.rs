@@ -152,8 +152,8 @@ impl Command {
     fn speaks_json(&self) -> bool {
         let progress = match self {
             Command::Render(flags) => flags.progress,
-            Command::CompareMethods(flags) => flags.progress,
-            Command::Ladder(flags) => flags.progress,
+            Command::CompareMethods(flags) => flags.messages.progress,
+            Command::Ladder(flags) => flags.messages.progress,
             Command::Bake(flags) => flags.progress,
             _ => return false,
         };

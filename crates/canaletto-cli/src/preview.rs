@@ -4,7 +4,7 @@ use crate::flags::{PictureFlags, PictureSize};
 use crate::settings::Settings;
 use canaletto::film::Picture;
 use canaletto::render::Job;
-use canaletto::scene::{Sampling, Scene};
+use canaletto::scene::Scene;
 
 /// The sides of the blocks of pixels that one ray stands for, in the order of the previews.
 const BLOCKS: [u32; 3] = [16, 4, 1];
@@ -20,7 +20,7 @@ pub(crate) struct Preview {
 
 /// The previews of a picture, the coarsest first. A picture with one ray for each pixel has none of its own size.
 pub(crate) fn previews(name: &str, scene: &Scene, flags: &PictureFlags, whole: &Job) -> Vec<Preview> {
-    let is_finer = |block: u32| block > 1 || !matches!(whole.film.sampling, Sampling::Corner | Sampling::Center);
+    let is_finer = |block: u32| block > 1 || !whole.film.sampling.is_single();
     let jobs = BLOCKS.into_iter().filter(|block| is_finer(*block)).filter_map(|block| {
         let share = PictureSize::Share(1.0 / f64::from(block));
         let coarse = PictureFlags {

@@ -151,6 +151,9 @@ pub(crate) struct RunProgress {
 }
 
 impl RunProgress {
+    /// A run of one frame.
+    pub(crate) const SINGLE: RunProgress = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
+
     /// The seconds left for all frames, with `share` of a frame rendered in `seconds`. Each frame left is taken to need
     /// the average time so far.
     fn left(&self, share: f64, seconds: f64) -> f64 {

@@ -292,9 +292,8 @@ impl<'a> Series<'a> {
         for preview in &frame_context.previews {
             let ([_, _, width, height], block) = (preview.job.window(), preview.block);
             let style = if self.plan.style == Style::Json { Style::Silent } else { self.plan.style };
-            let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
             let (label, pixels) = (format!("preview 1/{block}  "), u64::from(width) * u64::from(height));
-            let watch = ProgressDisplay::begin(style, job.frame, label, pixels, whole);
+            let watch = ProgressDisplay::begin(style, job.frame, label, pixels, RunProgress::SINGLE);
             let coarse = Job { frame: job.frame, ..preview.job.clone() };
             let rendered = self.rendering(frame_context, world, &coarse, &watch);
             watch.finish();

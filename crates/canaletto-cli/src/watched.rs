@@ -5,7 +5,6 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::{ProgressDisplay, RunProgress, Style};
 use canaletto::render::{Job, JobError};
-use std::time::Duration;
 
 /// Does work on the pixels of a job. `name` is the scene's file, and `label` says what is done.
 pub(crate) fn watched<T>(
@@ -16,9 +15,8 @@ pub(crate) fn watched<T>(
     work: impl FnOnce(&ProgressDisplay) -> Result<T, JobError>,
 ) -> Result<T, Failure> {
     let [_, _, width, height] = job.window();
-    let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
     let pixels = u64::from(width) * u64::from(height);
-    let watch = ProgressDisplay::begin(style, job.frame, format!("{label}  "), pixels, whole);
+    let watch = ProgressDisplay::begin(style, job.frame, format!("{label}  "), pixels, RunProgress::SINGLE);
     let _rendering = interrupt::Rendering;
     interrupt::Rendering::begins();
     let done = work(&watch);

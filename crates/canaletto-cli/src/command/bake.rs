@@ -134,8 +134,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     solutions.check(&fingerprint)?;
     let (world, _) = build(&name, source.scene, &flags.source.build_options(0), None)?;
     let style = Style::new(flags.progress, flags.quiet);
-    let whole = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
-    let watch = ProgressDisplay::begin(style, frame, String::new(), 1, whole);
+    let watch = ProgressDisplay::begin(style, frame, String::new(), 1, RunProgress::SINGLE);
     let _baking = interrupt::Rendering;
     interrupt::Rendering::begins();
     memory::working_at("solving the light");

@@ -13,8 +13,7 @@ pub(super) fn write_lights(w: &mut TextWriter, lights: &[LightNode], level: u32,
     if w.is_full {
         return lights.iter().for_each(|light| write_light(w, light, indent));
     }
-    // The points of one light follow each other.
-    let groups: Vec<&[LightNode]> = lights.chunk_by(|a, b| a.light == b.light && a.point < b.point).collect();
+    let groups: Vec<&[LightNode]> = by_light(lights).collect();
     let most = MOST_LIGHTS[usize::from(level > 1)];
     let mut by_size: Vec<usize> = (0..groups.len()).collect();
     by_size.sort_by(|&a, &b| size(sum_of(groups[b])).total_cmp(&size(sum_of(groups[a]))));
@@ -34,7 +33,13 @@ pub(super) fn write_lights(w: &mut TextWriter, lights: &[LightNode], level: u32,
     }
 }
 
-fn sum_of(points: &[LightNode]) -> Rgb {
+/// The points of each light, which follow each other.
+pub(super) fn by_light(lights: &[LightNode]) -> impl Iterator<Item = &[LightNode]> {
+    lights.chunk_by(|a, b| a.light == b.light && a.point < b.point)
+}
+
+/// The light of these points at a hit.
+pub(super) fn sum_of(points: &[LightNode]) -> Rgb {
     points.iter().fold(Rgb::BLACK, |sum, point| sum + point.contribution)
 }
 

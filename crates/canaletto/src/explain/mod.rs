@@ -28,7 +28,8 @@ mod tried_objects;
 pub use developed::{DevelopedNode, DevelopedValues};
 pub use intersection::{Intersection, TriedObject};
 pub use patch::{
-    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
+    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, RadiosityTerms, SourceKind,
+    SourceNode,
 };
 pub use ray_tree::RayTree;
 pub use steps::{CameraSteps, HitSteps, LightSteps, RaySteps, RefractionSteps};

@@ -1,7 +1,7 @@
 //! The light of radiosity at a hit, and the patches that it comes from: what lights them, the largest share first.
 
 use super::record::in_the_scene;
-use super::tree::Side;
+use super::tree::{Side, is_zero};
 use crate::integrator::radiosity::{ArrivingLight, RadiositySolution};
 use crate::integrator::{BlendedLight, ShownLight, blended};
 use crate::math::Rgb;
@@ -84,6 +84,24 @@ pub struct PatchNode {
     pub indirect: LightSum,
     /// The radiance that leaves the patch.
     pub radiance: [f64; 3],
+}
+
+/// What lights the patches and the places under a pixel's rays; empty unless radiosity makes the picture.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RadiosityTerms {
+    /// The patches, by number.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub patches: Vec<PatchNode>,
+    /// The number of further patches, which aren't explained.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub more_patches: usize,
+    /// The places whose light is interpolated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<PlaceNode>,
+    /// The number of further places, which aren't explained.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub more_places: usize,
 }
 
 /// A place whose light is blended into a pixel's, with what lights it: the centre of a patch, or a vertex.

@@ -72,7 +72,7 @@ fn untold_place<'t>(w: &mut TextWriter<'t>, node: &RadiosityNode, corner: &Corne
 
 fn place_of<'t>(w: &TextWriter<'t>, node: &RadiosityNode, corner: &CornerNode) -> Option<(usize, &'t PlaceNode)> {
     let wanted = BlendedPlace::of(node, corner)?;
-    w.lit.places.iter().enumerate().find(|(_, place)| match wanted {
+    w.lit.terms.places.iter().enumerate().find(|(_, place)| match wanted {
         BlendedPlace::Center(patch) => place.patch == Some(patch),
         BlendedPlace::Vertex(vertex) => place.vertex == Some(vertex),
     })
@@ -90,10 +90,12 @@ fn write_largest_sources(w: &mut TextWriter, node: &RadiosityNode, first: usize,
     for corner in &node.corners {
         let sums = match place_of(w, node, corner) {
             Some((_, place)) => sums_of(place),
-            None => match w.lit.patches.iter().find(|patch| !node.is_interpolated && patch.number == node.patch) {
-                Some(patch) => [&patch.direct, &patch.from_emitters, &patch.indirect],
-                None => return writeln!(w, "{indent}    {}", unknown(w, node.patch)),
-            },
+            None => {
+                match w.lit.terms.patches.iter().find(|patch| !node.is_interpolated && patch.number == node.patch) {
+                    Some(patch) => [&patch.direct, &patch.from_emitters, &patch.indirect],
+                    None => return writeln!(w, "{indent}    {}", unknown(w, node.patch)),
+                }
+            }
         };
         let share = corner.weight / weights;
         for sum in &sums[first..] {
@@ -120,7 +122,7 @@ fn write_largest_sources(w: &mut TextWriter, node: &RadiosityNode, first: usize,
 }
 
 fn unknown(w: &TextWriter, patch: u32) -> String {
-    if w.lit.patches.is_empty() {
+    if w.lit.terms.patches.is_empty() {
         format!("patch {patch}: what lights it isn't known, since a solution that was saved has no links")
     } else {
         format!("patch {patch}: not explained, since many patches lie under the pixel")
@@ -129,7 +131,7 @@ fn unknown(w: &TextWriter, patch: u32) -> String {
 
 /// Writes a patch and what lights it, unless that was written before.
 fn write_patch_once(w: &mut TextWriter, number: u32, indent: &str) {
-    match w.lit.patches.iter().find(|patch| patch.number == number) {
+    match w.lit.terms.patches.iter().find(|patch| patch.number == number) {
         Some(_) if !w.lit.told.insert(number) => writeln!(w, "{indent}patch {number}: as above"),
         Some(patch) => write_patch(w, patch, indent),
         None => writeln!(w, "{indent}{}", unknown(w, number)),

@@ -1,7 +1,7 @@
 //! Explanations of many pixels of one picture. What the job's integrator prepares is kept between them.
 
 use super::developed::DevelopedNode;
-use super::patch::{PatchNode, PlaceNode};
+use super::patch::RadiosityTerms;
 use super::patch_terms::{BlendedPlace, patch_node, place_node};
 use super::ray_tree::RayTree;
 use super::record::{EyeLine, RecordedSteps, Recorder};
@@ -102,13 +102,14 @@ impl<'w> PreparedExplainer<'w> {
     }
 
     /// What lights the patches and the places whose light the samples have.
-    fn lit(&self, samples: &[SampleNode]) -> Lit {
-        let Some((radiosity, Some(transport))) = self.radiosity() else { return Lit::default() };
+    fn lit(&self, samples: &[SampleNode]) -> RadiosityTerms {
+        let Some((radiosity, Some(transport))) = self.radiosity() else { return RadiosityTerms::default() };
         let (mut patches, mut places) = (Few::default(), Few::default());
         let mut waiting: VecDeque<&RayNode> = samples.iter().map(|sample| &sample.ray).collect();
         while let Some(ray) = waiting.pop_front() {
-            let Outcome::Hit(hit) = &ray.outcome else { continue };
-            if let Some(light) = &hit.radiosity {
+            if let Outcome::Hit(hit) = &ray.outcome
+                && let Some(light) = &hit.radiosity
+            {
                 patches.insert(light.patch);
                 light
                     .corners
@@ -116,27 +117,18 @@ impl<'w> PreparedExplainer<'w> {
                     .filter_map(|corner| BlendedPlace::of(light, corner))
                     .for_each(|p| places.insert(p));
             }
-            waiting.extend(hit.children.iter().chain(&hit.behind));
+            waiting.extend(ray.below());
         }
         let (solution, ..) = radiosity.shown();
         let patch = |number: u32| patch_node(self.world, solution, transport, number as usize);
         let place = |place: BlendedPlace| place_node(self.world, solution, transport, place);
-        Lit {
+        RadiosityTerms {
             patches: patches.kept.into_iter().map(patch).collect(),
             more_patches: patches.more.len(),
             places: places.kept.into_iter().map(place).collect(),
             more_places: places.more.len(),
         }
     }
-}
-
-/// What lights the patches and the places under a pixel.
-#[derive(Default)]
-struct Lit {
-    patches: Vec<PatchNode>,
-    more_patches: usize,
-    places: Vec<PlaceNode>,
-    more_places: usize,
 }
 
 /// The most patches, and the most places, of a pixel that are explained.
@@ -201,6 +193,12 @@ impl<'a> ExplainWorker<'a> {
         ExplainWorker { has_steps, ..self }
     }
 
+    /// Whether a pixel ends after so many rays.
+    fn stops(&self) -> impl Fn(u64) -> bool + Sync + use<'a> {
+        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
+        move |rays| rays > max_rays || cancelled(rays)
+    }
+
     fn recorded_steps(&self, eye: EyeLine) -> Option<RecordedSteps> {
         self.has_steps.then_some(RecordedSteps { eye, primitives_left: MOST_PRIMITIVES })
     }
@@ -217,7 +215,7 @@ impl<'a> ExplainWorker<'a> {
     /// # Errors
     /// [`ExplainError`] if the pixel has too many rays, or if cancelled.
     pub(crate) fn pixel(&mut self, pixel: [u32; 2]) -> Result<PixelTree, ExplainError> {
-        let steps = self.recorded_steps(EyeLine::Camera);
+        let (steps, stops) = (self.recorded_steps(EyeLine::Camera), self.stops());
         let Self { explainer, lists_rivals, pixels, raster, .. } = self;
         let radiosity = explainer.radiosity().map(|(radiosity, _)| radiosity);
         let mut recorder =
@@ -233,8 +231,6 @@ impl<'a> ExplainWorker<'a> {
             }
             return Ok(tree);
         }
-        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
-        let stops = |rays| rays > max_rays || cancelled(rays);
         let Some(whitted) = explainer.ray_integrator() else { return Err(ExplainError::Cancelled) };
         let mut whitted = whitted.with_cancel(&stops);
         pixels.pixel(&mut whitted, pixel, &mut recorder, &mut sum);
@@ -254,8 +250,7 @@ impl<'a> ExplainWorker<'a> {
     ) -> Result<Option<PixelTree>, ExplainError> {
         let PreparedExplainer { world, job, .. } = self.explainer;
         let Some(whitted) = self.explainer.ray_integrator() else { return Ok(None) };
-        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
-        let stops = |rays| rays > max_rays || cancelled(rays);
+        let stops = self.stops();
         let mut whitted = whitted.with_cancel(&stops);
         let camera = job.camera.at(0.0);
         let mut recorder = Recorder::new(world, &camera);
@@ -279,8 +274,7 @@ impl<'a> ExplainWorker<'a> {
     pub(crate) fn ray(&mut self, line: DRay) -> Result<Option<RayTree>, ExplainError> {
         let PreparedExplainer { world, job, .. } = self.explainer;
         let Some(whitted) = self.explainer.ray_integrator() else { return Ok(None) };
-        let (max_rays, cancelled) = (self.max_rays, self.cancelled);
-        let stops = |rays| rays > max_rays || cancelled(rays);
+        let stops = self.stops();
         let mut whitted = whitted.with_cancel(&stops);
         let radiosity = self.explainer.radiosity().map(|(radiosity, _)| radiosity);
         let mut recorder = Recorder::new(world, &job.camera)
@@ -292,9 +286,9 @@ impl<'a> ExplainWorker<'a> {
         let color = whitted.eye(unit, None, &mut recorder);
         self.count(&whitted)?;
         let mut samples = recorder.into_samples();
-        let Lit { patches, more_patches, places, more_places } = self.explainer.lit(&samples);
+        let radiosity = self.explainer.lit(&samples);
         let ray = samples.pop().map(|sample| sample.ray);
-        Ok(ray.map(|ray| RayTree { ray, patches, more_patches, places, more_places, color }))
+        Ok(ray.map(|ray| RayTree { ray, radiosity, color }))
     }
 
     /// Counts the rays of a pixel.
@@ -314,15 +308,11 @@ impl<'a> ExplainWorker<'a> {
     fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {
         let [width, height] = self.explainer.job.camera.size();
         let samples = recorder.into_samples();
-        let Lit { patches, more_patches, places, more_places } = self.explainer.lit(&samples);
         PixelTree {
             pixel: [x, y],
             chapter_pixel: [x, height - 1 - y],
             size: [width, height],
-            patches,
-            more_patches,
-            places,
-            more_places,
+            radiosity: self.explainer.lit(&samples),
             samples,
             camera: self.has_steps.then(|| CameraSteps::new(self.explainer.world, &self.explainer.job.camera)),
             developed: DevelopedNode::new(sum.mean(), &self.explainer.job.film),

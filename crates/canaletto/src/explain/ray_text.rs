@@ -151,12 +151,10 @@ fn write_child(w: &mut TextWriter, child: &RayNode, level: u32, indent: &str) {
 
 /// The number of rays of a tree.
 fn rays_of(ray: &RayNode) -> usize {
-    let Outcome::Hit(hit) = &ray.outcome else { return 1 };
-    1 + hit.children.iter().chain(&hit.behind).map(rays_of).sum::<usize>()
+    1 + ray.below().map(rays_of).sum::<usize>()
 }
 
 /// The number of levels of a tree.
 pub(super) fn levels_of(ray: &RayNode) -> u32 {
-    let Outcome::Hit(hit) = &ray.outcome else { return 1 };
-    1 + hit.children.iter().chain(&hit.behind).map(levels_of).max().unwrap_or(0)
+    1 + ray.below().map(levels_of).max().unwrap_or(0)
 }

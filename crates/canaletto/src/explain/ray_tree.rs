@@ -1,7 +1,7 @@
 //! The tree of a single ray that no camera chose.
 
-use super::patch::{PatchNode, PlaceNode};
-use super::tree::{RayNode, is_zero};
+use super::patch::RadiosityTerms;
+use super::tree::RayNode;
 use crate::math::Rgb;
 use serde::Serialize;
 
@@ -11,18 +11,9 @@ use serde::Serialize;
 pub struct RayTree {
     /// The ray.
     pub ray: RayNode,
-    /// The patches under the rays, as in [`PixelTree::patches`](super::PixelTree::patches).
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub patches: Vec<PatchNode>,
-    /// The number of further patches, which aren't explained.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub more_patches: usize,
-    /// The places whose light is interpolated, as in [`PixelTree::places`](super::PixelTree::places).
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub places: Vec<PlaceNode>,
-    /// The number of further places, which aren't explained.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub more_places: usize,
+    /// What lights the surfaces that the rays meet.
+    #[serde(flatten)]
+    pub radiosity: RadiosityTerms,
     /// The ray's colour as the integrator found it. Equal to [`RayNode::sum`] bit for bit.
     pub color: Rgb,
 }

@@ -361,13 +361,12 @@ impl Probe for Recorder<'_> {
 /// The factors of a light's intensity at a hit.
 fn light_steps(world: &World, term: &LightTerm) -> LightSteps {
     let light = &world.lights[term.light as usize];
-    let [c, l, q] = light.light.attenuation;
     let d = term.distance;
-    let attenuation = if d.is_finite() { 1.0 / (c + l * d + q * d * d).max(f32::MIN_POSITIVE) } else { 1.0 };
+    let attenuation = if d.is_finite() { 1.0 / light.attenuation_divisor(d) } else { 1.0 };
     let intensity = light.point_intensity();
     let without_cone = intensity.max_component() * attenuation;
     let cone = if without_cone > 0.0 { term.intensity.max_component() / without_cone } else { 1.0 };
-    LightSteps { intensity, attenuation, coefficients: [c, l, q], cone }
+    LightSteps { intensity, attenuation, coefficients: light.light.attenuation, cone }
 }
 
 /// The scene's coordinates of a point of the world. If the world's origin is zero, the coordinates have the digits that

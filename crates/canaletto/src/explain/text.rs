@@ -44,7 +44,7 @@ impl PixelTree {
     }
 
     fn written(&self, style: &TextStyle, levels: u32, chosen: usize) -> String {
-        let mut w = TextWriter::new(style, levels, &self.patches, &self.places);
+        let mut w = TextWriter::new(style, levels, &self.radiosity);
         let ([x, y], [cx, cy], [width, height]) = (self.pixel, self.chapter_pixel, self.size);
         writeln!(
             w,
@@ -64,8 +64,9 @@ impl PixelTree {
             write_sample(&mut w, sample);
         }
         writeln!(w);
-        if self.more_patches > 0 && w.is_full {
-            writeln!(w, "{} more patches lie under the pixel and aren't explained", self.more_patches);
+        let more = self.radiosity.more_patches;
+        if more > 0 && w.is_full {
+            writeln!(w, "{more} more patches lie under the pixel and aren't explained");
         }
         if self.samples.len() > 1 {
             if !w.is_full {
@@ -131,7 +132,7 @@ impl RayTree {
     /// The tree as text, as [`PixelTree::text`].
     pub fn text(&self, style: &TextStyle) -> String {
         fitting(style, levels_of(&self.ray), |levels| {
-            let mut w = TextWriter::new(style, levels, &self.patches, &self.places);
+            let mut w = TextWriter::new(style, levels, &self.radiosity);
             write_ray(&mut w, &self.ray, 1, "");
             writeln!(w);
             write_equal(&mut w, self.ray.sum(), "colour of the ray ", self.color);

@@ -1,7 +1,7 @@
 //! The text that a tree is written to, with how its numbers look and what is folded.
 
 use super::number::{Digits, Number};
-use super::patch::{PatchNode, PlaceNode};
+use super::patch::RadiosityTerms;
 use crate::math::Rgb;
 use std::collections::BTreeSet;
 use std::fmt::{Arguments, Display, LowerExp, Write};
@@ -39,20 +39,18 @@ pub(super) struct TextWriter<'t> {
 }
 
 /// What lights the patches and the places under a pixel. In a full text each is written once.
-#[derive(Default)]
 pub(super) struct LitPlaces<'t> {
-    pub(super) patches: &'t [PatchNode],
+    pub(super) terms: &'t RadiosityTerms,
     /// The patches that are written already.
     pub(super) told: BTreeSet<u32>,
-    pub(super) places: &'t [PlaceNode],
     /// The indices of the places that are written already.
     pub(super) told_places: BTreeSet<usize>,
 }
 
 impl<'t> TextWriter<'t> {
-    pub(super) fn new(style: &TextStyle, levels: u32, patches: &'t [PatchNode], places: &'t [PlaceNode]) -> Self {
+    pub(super) fn new(style: &TextStyle, levels: u32, terms: &'t RadiosityTerms) -> Self {
         let digits = style.digits.map_or(Digits::Exact, Digits::Significant);
-        let lit = LitPlaces { patches, places, ..LitPlaces::default() };
+        let lit = LitPlaces { terms, told: BTreeSet::new(), told_places: BTreeSet::new() };
         TextWriter { text: String::new(), is_full: style.is_full, levels, digits, lit }
     }
 

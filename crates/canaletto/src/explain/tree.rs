@@ -1,7 +1,7 @@
 //! The tree of rays behind a pixel, as plain data.
 
 use super::developed::DevelopedNode;
-use super::patch::{PatchNode, PlaceNode, RadiosityNode};
+use super::patch::{RadiosityNode, RadiosityTerms};
 use super::steps::{CameraSteps, HitSteps, LightSteps, RaySteps};
 use crate::film::WeightedSum;
 use crate::integrator::{RasterNode, RayKind};
@@ -25,18 +25,9 @@ pub struct PixelTree {
     /// What the chapter makes of the camera's parameters, if steps are explained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraSteps>,
-    /// The patches under the pixel's rays, with what lights them, by number; only of radiosity.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub patches: Vec<PatchNode>,
-    /// The number of further patches under the pixel's rays, which aren't explained.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub more_patches: usize,
-    /// The places whose light is interpolated under the pixel's rays, with what lights them; only of radiosity.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub places: Vec<PlaceNode>,
-    /// The number of further places, which aren't explained.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub more_places: usize,
+    /// What lights the surfaces under the pixel's rays.
+    #[serde(flatten)]
+    pub radiosity: RadiosityTerms,
     /// The pixel's colour as rendered.
     pub color: Rgb,
     /// The colour's way into a file.
@@ -346,6 +337,15 @@ pub struct EmittersNode {
 }
 
 impl RayNode {
+    /// The rays that leave its hit.
+    pub(super) fn below(&self) -> impl Iterator<Item = &RayNode> {
+        let hit = match &self.outcome {
+            Outcome::Hit(hit) => Some(hit),
+            Outcome::Miss { .. } => None,
+        };
+        hit.into_iter().flat_map(|hit| hit.children.iter().chain(&hit.behind))
+    }
+
     /// The ray's colour from the terms of its hit and its children.
     pub fn sum(&self) -> Rgb {
         let hit = match &self.outcome {

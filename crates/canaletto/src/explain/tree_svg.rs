@@ -1,8 +1,9 @@
 //! The tree of rays as a drawing (fig. 5.29): surfaces with swatches of their colours, rays with their factors, and a
 //! mark for each light.
 
+use super::light_text::{by_light, sum_of};
 use super::ray_tree::RayTree;
-use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode};
+use super::tree::{HitNode, Outcome, PixelTree, RayNode};
 use crate::film::srgb_encode;
 use crate::integrator::RayKind;
 use crate::math::Rgb;
@@ -76,15 +77,7 @@ fn nodes_of(ray: &RayNode, levels: u32) -> usize {
     if levels == 0 {
         return 0;
     }
-    1 + children_of(ray).map(|child| nodes_of(child, levels - 1)).sum::<usize>()
-}
-
-fn children_of(ray: &RayNode) -> impl Iterator<Item = &RayNode> {
-    let hit = match &ray.outcome {
-        Outcome::Hit(hit) => Some(hit),
-        Outcome::Miss { .. } => None,
-    };
-    hit.into_iter().flat_map(|hit| hit.children.iter().chain(&hit.behind))
+    1 + ray.below().map(|child| nodes_of(child, levels - 1)).sum::<usize>()
 }
 
 /// Places a node above the middle of its children, and returns the middle of its upper edge.
@@ -100,7 +93,7 @@ fn place<'t>(
     let y = TOP + f64::from(level - 1) * ROW;
     placed.push(Placed { ray, at: [0.0, y], parent, hidden: 0 });
     let mut middles = Vec::new();
-    for child in children_of(ray) {
+    for child in ray.below() {
         if level < levels {
             middles.push(place(child, Some(index), level + 1, levels, placed, next));
         } else {
@@ -209,9 +202,8 @@ fn write_node(svg: &mut String, node: &Placed) {
 
 /// Writes a round mark for each light: its part of the colour, or a cross if nothing of it arrives.
 fn write_lights(svg: &mut String, hit: &HitNode, x: f64, y: f64) {
-    let lights: Vec<&[LightNode]> = hit.lights.chunk_by(|a, b| a.light == b.light && a.point < b.point).collect();
-    for (index, points) in lights.iter().take(MOST_LIGHTS).enumerate() {
-        let sum = points.iter().fold(Rgb::BLACK, |sum, point| sum + point.contribution);
+    for (index, points) in by_light(&hit.lights).take(MOST_LIGHTS).enumerate() {
+        let sum = sum_of(points);
         let (cx, cross) = (x + 5.0 + 13.0 * index as f64, sum.is_black());
         let [r, g, b] = sum.to_array().map(|v| format!("{v:.3}"));
         let title = format!("{}: {r} {g} {b}", points[0].light);

@@ -1,7 +1,7 @@
 //! Box 5.1's loop: each object of a world, tried against one ray.
 
 use super::intersection::{Intersection, TriedObject};
-use crate::math::{DRay, Transform};
+use crate::math::DRay;
 use crate::shape::Shape;
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
 use std::collections::BTreeMap;
@@ -38,7 +38,7 @@ pub(super) fn tried_objects(world: &World, ray: &DRay, time: f32, nearest: Optio
     }
     for number in 0..world.placed_geometry_count() {
         let PlacedGeometry { to_world, primitives } = world.placed_geometry(number, time);
-        let local = in_space(to_world.as_ref(), ray);
+        let local = to_world.map_or(*ray, |to_world| ray.to_local(&to_world));
         if let Primitives::Shapes(shapes) = primitives {
             for (primitive, shape) in (0..).zip(shapes) {
                 let (t, missed) = try_shape(shape, &local);
@@ -59,17 +59,6 @@ pub(super) fn tried_objects(world: &World, ray: &DRay, time: f32, nearest: Optio
     }
     let listed = tried.len();
     (tried, all - listed)
-}
-
-/// The ray in a geometry's own space. t keeps its meaning.
-fn in_space(to_world: Option<&Transform>, ray: &DRay) -> DRay {
-    match to_world {
-        None => *ray,
-        Some(to_world) => {
-            let back = to_world.inverse();
-            DRay { origin: back.point(ray.origin), direction: back.vector(ray.direction) }
-        }
-    }
 }
 
 /// The nearest t of a shape, and the reason why there is none.
@@ -99,7 +88,7 @@ pub(super) fn intersection_at(world: &World, ray: &DRay, hit: &Hit) -> Option<In
         return Intersection::of(world.unbounded_shape(hit.primitive), ray);
     }
     let PlacedGeometry { to_world, primitives } = world.placed_geometry(hit.instance, hit.time);
-    let local = in_space(to_world.as_ref(), ray);
+    let local = to_world.map_or(*ray, |to_world| ray.to_local(&to_world));
     match primitives {
         Primitives::Mesh(mesh) => {
             let corners = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());

@@ -178,15 +178,20 @@ impl PreparedLight {
         (!self.attenuated && self.cone.is_none()).then_some(self.intensity)
     }
 
+    /// What the intensity is divided by at a distance.
+    #[inline]
+    pub(crate) fn attenuation_divisor(&self, distance: f32) -> f32 {
+        let [c, l, q] = self.light.attenuation;
+        // The divisor may be 0 at the light's own position; black stays black.
+        (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE)
+    }
+
     /// The intensity that arrives from one of the light's points in this direction and at this distance.
     #[inline]
     pub(crate) fn along(&self, direction: DVec3, distance: f32) -> Rgb {
         let mut intensity = self.intensity;
         if self.attenuated {
-            let [c, l, q] = self.light.attenuation;
-            // The divisor may be 0 at the light's own position; black stays black.
-            let divisor = (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE);
-            intensity = (intensity / divisor).saturated();
+            intensity = (intensity / self.attenuation_divisor(distance)).saturated();
         }
         if let Some(cone) = &self.cone {
             intensity *= cone.factor(-direction.as_vec3());

@@ -1,5 +1,6 @@
 //! A ray's line in `f64`.
 
+use super::Transform;
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
@@ -26,6 +27,12 @@ impl DRay {
     #[inline(always)]
     pub(crate) fn longest(&self) -> f64 {
         self.direction.abs().max_element()
+    }
+
+    /// The line in the space that `to_world` maps to the world.
+    pub(crate) fn to_local(self, to_world: &Transform) -> DRay {
+        let back = to_world.inverse();
+        DRay { origin: back.point(self.origin), direction: back.vector(self.direction) }
     }
 
     /// The rounded ray.

@@ -17,6 +17,7 @@ pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone,
 pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
 pub use node::{Content, Node};
+pub(crate) use object_ids::name_of_unnamed;
 pub use object_ids::{ObjectIds, TooManyObjects};
 pub use radiosity::{RadiosityMethod, RadiositySettings, RadiosityShow};
 pub use sparse::{Sparse, Usual};

@@ -66,6 +66,14 @@ impl NodeObjects {
     }
 }
 
+/// The name of an object that has none of its own: its kind and number, with the innermost named group around it.
+pub(crate) fn name_of_unnamed(kind: &str, number: u32, group: Option<&str>) -> String {
+    match group {
+        Some(group) => format!("group \"{group}\", {kind} #{number}"),
+        None => format!("{kind} #{number}"),
+    }
+}
+
 /// The name of an object, group or instance.
 struct Name<'a> {
     /// The name that a world gives an object.
@@ -127,13 +135,12 @@ impl<'a> Walk<'a> {
         };
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
-        let selected = match (&node.name, self.group_name) {
-            (Some(name), _) => (self.selects)(Name::own(name)),
-            (None, None) => (self.selects)(Name::own(&format!("{kind} #{number}"))),
-            (None, Some(group)) => {
-                let own = format!("{kind} #{number}");
-                let name = format!("group \"{group}\", {own}");
-                (self.selects)(Name { name: &name, without_group: Some(&own) })
+        let selected = match &node.name {
+            Some(name) => (self.selects)(Name::own(name)),
+            None => {
+                let name = name_of_unnamed(kind, *number, self.group_name);
+                let own = self.group_name.map(|_| name_of_unnamed(kind, *number, None));
+                (self.selects)(Name { name: &name, without_group: own.as_deref() })
             }
         };
         objects.count = 1;

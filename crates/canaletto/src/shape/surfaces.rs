@@ -331,11 +331,6 @@ mod tests {
         }
     }
 
-    fn to_local(to_world: &Transform, line: DRay) -> DRay {
-        let back = to_world.inverse();
-        DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
-    }
-
     /// A random vector, often along an axis, sometimes zero.
     fn vector(random: &mut Random) -> Vec3 {
         let keep = [(); 3].map(|()| if random.one_in(3) { 0.0 } else { 1.0 });
@@ -392,7 +387,7 @@ mod tests {
                             assert!(!surface_inputs.set_instance(lane, 8, &to_world));
                         }
                         surface_inputs.set_triangle(lane, &triangle, t, [u, v]);
-                        let line = if moves { to_local(&to_world, line) } else { line };
+                        let line = if moves { line.to_local(&to_world) } else { line };
                         let surface = triangle.at(&line, &ShapeHit { t, part: 0, uv: [u, v] });
                         if moves { surface.transformed(&to_world) } else { surface }
                     }

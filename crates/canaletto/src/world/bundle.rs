@@ -7,7 +7,7 @@
 
 use super::World;
 use super::geometry::Geometry;
-use super::instance::{NONE, to_local};
+use super::instance::NONE;
 use super::packet_bounds::{GROUP, PacketBounds};
 use super::query::Hit;
 use super::shadow::{OccluderCache, Occlusion};
@@ -331,7 +331,7 @@ impl World {
                     if local.rays.is_empty()
                         && let Some(to_world) = instance.placed(&self.chains, time)
                     {
-                        local.rays.extend(rays.rays.iter().map(|r| to_local(&to_world, DRay::from(r)).rounded()));
+                        local.rays.extend(rays.rays.iter().map(|r| DRay::from(r).to_local(&to_world).rounded()));
                     }
                     RayRange { all: local, range, packet_bounds: &[] }
                 };

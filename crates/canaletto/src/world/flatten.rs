@@ -16,7 +16,7 @@ use super::reuse::{Previous, ReuseCounts};
 use super::{BuildError, Object, World};
 use crate::light::Light;
 use crate::math::{AnimatedTransform, Transform};
-use crate::scene::{Content, Node};
+use crate::scene::{Content, Node, name_of_unnamed};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use canaletto_bvh::Quality;
 use glam::{DVec3, Vec3};
@@ -578,11 +578,8 @@ impl Builder {
     fn object(&mut self, node: &Node, kind: &'static str, part: &mut Part) -> u32 {
         let number = self.kinds.entry(kind).or_default();
         *number += 1;
-        let name = match (&node.name, &self.group_name) {
-            (Some(own), _) => own.to_string(),
-            (None, Some(group)) => format!("group \"{group}\", {kind} #{number}"),
-            (None, None) => format!("{kind} #{number}"),
-        };
+        let own = node.name.as_deref().map(str::to_owned);
+        let name = own.unwrap_or_else(|| name_of_unnamed(kind, *number, self.group_name.as_deref()));
         self.objects.push(Object { name, kind });
         let object = self.objects.len() as u32 - 1;
         part.object_numbers.push_object(object);

@@ -142,10 +142,10 @@ impl Instance {
     ) -> T {
         match &self.to_world {
             None => f(ray),
-            Some(t) if self.motion == NONE => f(&to_local(t, DRay::from(ray.ray())).rounded().prepare()),
+            Some(t) if self.motion == NONE => f(&DRay::from(ray.ray()).to_local(t).rounded().prepare()),
             Some(_) => {
                 let t = chains[self.motion as usize].at(time);
-                f(&to_local(&t, DRay::from(ray.ray())).rounded().prepare())
+                f(&DRay::from(ray.ray()).to_local(&t).rounded().prepare())
             }
         }
     }
@@ -174,10 +174,4 @@ impl Instance {
         let (center, half) = around(t, (min + max) * 0.5, (max - min) * 0.5);
         outwards(center, half)
     }
-}
-
-/// The line in the space that `to_world` maps to the world.
-pub(super) fn to_local(to_world: &Transform, line: DRay) -> DRay {
-    let back = to_world.inverse();
-    DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
 }

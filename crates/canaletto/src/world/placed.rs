@@ -2,7 +2,6 @@
 
 use super::World;
 use super::geometry::Geometry;
-use super::instance::to_local;
 use super::query::Hit;
 use crate::math::{DRay, Rgb, Transform};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud, Surface};
@@ -108,7 +107,7 @@ impl World {
     pub(crate) fn facet_surface(&self, line: DRay, hit: &Hit, facet: &MeshFacet) -> Surface {
         self.with_instance(hit.instance, |instance| match instance.placed(&self.chains, hit.time) {
             None => facet.surface(&line, hit),
-            Some(t) => facet.surface(&to_local(&t, line), hit).transformed(&t),
+            Some(t) => facet.surface(&line.to_local(&t), hit).transformed(&t),
         })
     }
 }

@@ -3,7 +3,7 @@
 use super::World;
 use super::geometry::{Geometry, on_shape};
 use super::group::InstancePath;
-use super::instance::{Instance, NONE, Unbounded, to_local};
+use super::instance::{Instance, NONE, Unbounded};
 use crate::light::PreparedLight;
 use crate::material::Material;
 use crate::math::{DRay, Rgb};
@@ -269,7 +269,7 @@ impl World {
             };
             match to_world {
                 None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit()),
-                Some(t) => of_geometry(geometry, to_local(t, line), hit.primitive, &hit.shape_hit()).transformed(t),
+                Some(t) => of_geometry(geometry, line.to_local(t), hit.primitive, &hit.shape_hit()).transformed(t),
             }
         })
     }

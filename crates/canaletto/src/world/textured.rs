@@ -2,7 +2,6 @@
 //! has no such stage.
 
 use super::GeometryProbe;
-use super::instance::to_local;
 use super::{Hit, MeshFacet, World};
 use crate::material::{
     MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
@@ -195,7 +194,7 @@ impl World {
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.unbounded[hit.primitive as usize];
             let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
-            let line = to_world.as_ref().map_or(line, |t| to_local(t, line));
+            let line = to_world.as_ref().map_or(line, |t| line.to_local(t));
             let surface = shape.surface(line, &shape_hit);
             let surface_differential = shape.surface_differential(&surface, &shape_hit);
             return Local { surface, surface_differential, to_world, bounds: None, origin: unbounded.origin };
@@ -203,7 +202,7 @@ impl World {
         let (index, to_world) =
             self.with_instance(hit.instance, |instance| (instance.geometry, instance.placed(&self.chains, hit.time)));
         let geometry = &self.geometries[index as usize];
-        let local_line = to_world.as_ref().map_or(line, |t| to_local(t, line));
+        let local_line = to_world.as_ref().map_or(line, |t| line.to_local(t));
         let (surface, surface_differential) = match facet {
             Some(facet) => {
                 let [u, v] = hit.uv;

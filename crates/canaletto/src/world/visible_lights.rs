@@ -43,7 +43,7 @@ fn add_to(node: &mut Node, materials: &mut Vec<Material>, meshes: &mut Vec<Mesh>
 /// The material of a light's surface.
 fn material_of(light: &Light, name: Option<&str>) -> Material {
     let phong = Phong { kd: Rgb::BLACK, ks: Rgb::BLACK, emission: light.intensity, ..Phong::default() };
-    let name = name.map_or_else(|| format!("{} light", light.kind_name()), |name| format!("light {name}"));
+    let name = name.map_or_else(|| light.visible_name(), |name| format!("light {name}"));
     Material::new(name, phong).with_two_sided(light.emission == Emission::Even)
 }
 

@@ -7,7 +7,7 @@ use crate::command::render::stem;
 use crate::complete::texts;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
-use crate::flags::{PictureFlags, SourceFlags, named};
+use crate::flags::{MessageFlags, PictureFlags, SourceFlags, named};
 use crate::format::bytes;
 use crate::frame_writer::window;
 use crate::omissions::doubt_omissions;
@@ -72,18 +72,8 @@ pub(crate) struct CompareMethodsFlags {
     pub output: OutputFlags,
     #[command(flatten)]
     pub picture: PictureFlags,
-
-    /// Prints JSON
-    #[arg(long, help_heading = "Messages")]
-    pub json: bool,
-
-    /// Sets how progress is shown on stderr
-    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
-    pub progress: ProgressFlag,
-
-    /// Prints no warnings and no progress
-    #[arg(short, long, help_heading = "Messages")]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub messages: MessageFlags,
 }
 
 const EXAMPLES: &str = "\
@@ -154,7 +144,7 @@ struct MethodComparison {
 /// Runs the command.
 pub(crate) fn run(flags: &CompareMethodsFlags) -> Result<Exit, Failure> {
     let report = on_threads(flags.source.threads, || compare_methods(flags))??;
-    if flags.json {
+    if flags.messages.json {
         print_json(&report.json())?;
     } else {
         print(&report.text())?;
@@ -176,8 +166,8 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
-    if !flags.quiet {
-        print_diagnostics(&source.warnings, flags.progress == ProgressFlag::Json);
+    if !flags.messages.quiet {
+        print_diagnostics(&source.warnings, flags.messages.progress == ProgressFlag::Json);
     }
     let mut methods = Vec::new();
     let mut camera = String::new();
@@ -200,11 +190,11 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     check_room(&methods)?;
     let options = seen_through(&camera, &source.scene, flags.source.build_options(0));
     let (world, _) = build(&source.name, source.scene, &options, None)?;
-    if !flags.quiet {
+    if !flags.messages.quiet {
         for method in &methods {
             print_diagnostics(
                 &doubt_omissions(&source.name, &world, &method.job),
-                flags.progress == ProgressFlag::Json,
+                flags.messages.progress == ProgressFlag::Json,
             );
         }
     }
@@ -344,7 +334,7 @@ impl MethodsWork<'_> {
         job: &Job,
         work: impl FnOnce(&ProgressDisplay) -> Result<T, JobError>,
     ) -> Result<T, Failure> {
-        watched(Style::new(self.flags.progress, self.flags.quiet), self.name, label, job, work)
+        watched(Style::new(self.flags.messages.progress, self.flags.messages.quiet), self.name, label, job, work)
     }
 }
 

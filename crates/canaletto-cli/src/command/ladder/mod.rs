@@ -5,7 +5,7 @@ mod sheet;
 use crate::command::render::stem;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
-use crate::flags::{PictureFlags, SourceFlags};
+use crate::flags::{MessageFlags, PictureFlags, SourceFlags};
 use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::layers::developed;
 use crate::output::{Output, OutputFlags, replaced};
@@ -45,18 +45,8 @@ pub(crate) struct LadderFlags {
     pub output: OutputFlags,
     #[command(flatten)]
     pub picture: PictureFlags,
-
-    /// Prints JSON
-    #[arg(long, help_heading = "Messages")]
-    pub json: bool,
-
-    /// Sets how progress is shown on stderr
-    #[arg(long, value_name = "HOW", default_value = "auto", help_heading = "Messages")]
-    pub progress: ProgressFlag,
-
-    /// Prints no warnings and no progress
-    #[arg(short, long, help_heading = "Messages")]
-    pub quiet: bool,
+    #[command(flatten)]
+    pub messages: MessageFlags,
 }
 
 const EXAMPLES: &str = "\
@@ -94,7 +84,7 @@ struct LadderReport {
 /// Runs the command.
 pub(crate) fn run(flags: &LadderFlags) -> Result<Exit, Failure> {
     let report = on_threads(flags.source.threads, || ladder(flags))??;
-    match flags.json {
+    match flags.messages.json {
         // A picture on the standard output leaves no place for a report.
         _ if report.file.as_os_str() == "-" => {}
         true => print_json(&report.json())?,
@@ -113,8 +103,8 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     reader.choose_camera(flags.picture.camera.as_deref());
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
-    if !flags.quiet {
-        print_diagnostics(&source.warnings, flags.progress == ProgressFlag::Json);
+    if !flags.messages.quiet {
+        print_diagnostics(&source.warnings, flags.messages.progress == ProgressFlag::Json);
     }
     let (name, scene) = (source.name, source.scene);
     let replaced_integrator = scene.integrator.whitted().is_none().then(|| scene.integrator.name());
@@ -134,7 +124,7 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
     let textured = has_textures(&scene);
     let plain = if textured { Some(without_textures(&scene)) } else { None };
-    let work = LadderWork { name: &name, style: Style::new(flags.progress, flags.quiet), job: &job };
+    let work = LadderWork { name: &name, style: Style::new(flags.messages.progress, flags.messages.quiet), job: &job };
     let mut rungs = Vec::new();
     match plain {
         Some(plain) => {

@@ -207,9 +207,14 @@ fn one(flags: &RenderFlags) -> Result<Exit, Failure> {
 /// Stands for the scene's name in --output.
 const NAME: &str = "{name}";
 
+/// The output as a pattern with [`NAME`] in it, if it is one.
+fn pattern(output: &Path) -> Option<&str> {
+    output.to_str().filter(|text| text.contains(NAME))
+}
+
 /// The output of a scene: `output` with the scene's name for `{name}`, or its picture in the folder `output`.
 fn own_output(flags: &RenderFlags, output: &Path, scene: &Path) -> PathBuf {
-    match output.to_str().filter(|text| text.contains(NAME)) {
+    match pattern(output) {
         Some(text) => text.replace(NAME, &stem(scene)).into(),
         None if is_folder(output) => output.join(flags.output.default_name(&stem(scene), flags.frames.is_some())),
         None => output.to_owned(),
@@ -229,7 +234,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     if let Some(flag) = flags.solution.given().or(flags.shooting.shooting_steps.as_ref().map(|_| "--shooting-steps")) {
         return Err(Failure::usage(format!("{flag}: it is for one scene, but there are several")));
     }
-    let is_for_all = |output: &Path| is_folder(output) || output.to_str().is_some_and(|text| text.contains(NAME));
+    let is_for_all = |output: &Path| is_folder(output) || pattern(output).is_some();
     if let Some(one) = output.filter(|output| !is_for_all(output)) {
         let message = format!("--output {} is no folder, but there are several scenes", one.display());
         let help = "give a folder that exists, or a pattern such as 'pictures/{name}.png'; without --output each picture \

@@ -3,7 +3,7 @@
 use super::color::{SRGB, color_of, linear};
 use super::media::{ETA, eta_of};
 use super::repeat::{Piece, Slot, SlotSource, SlotValue};
-use super::{Evaluator, Expression, Place, closest_name, seems_arithmetic};
+use super::{Evaluator, Place, closest_name, seems_arithmetic};
 use crate::text::nodes::{self, CAMERA, CAMERA_FOLLOW, FOLLOW, KEY, POINT_FOLLOW};
 use crate::text::report::Message;
 use crate::text::schema::{FieldSchema, NodeSchema, ValueType};
@@ -112,7 +112,7 @@ impl Evaluator<'_> {
             let role = nodes::field(words, &property.key).map_or(Role::Other, role_of);
             let mut values = vec![property.value.clone()];
             match role {
-                Role::Color | Role::Colors => self.colors(&mut values, role),
+                Role::Color | Role::Colors => self.colors(&mut values),
                 Role::Number | Role::Eta | Role::Other => {}
             }
             if values.len() > 1 {
@@ -134,7 +134,7 @@ impl Evaluator<'_> {
             return;
         }
         if let Role::Color | Role::Colors = role {
-            self.colors(values, role);
+            self.colors(values);
         }
         for (index, value) in (offset..).zip(values) {
             self.value(value, SlotValue::Value(index), role, slots);
@@ -142,7 +142,7 @@ impl Evaluator<'_> {
     }
 
     /// Replaces colours among values by three numbers each.
-    fn colors(&mut self, values: &mut Vec<Value>, role: Role) {
+    fn colors(&mut self, values: &mut Vec<Value>) {
         let mut all = Vec::with_capacity(values.len() + 2);
         let mut rest = std::mem::take(values).into_iter().peekable();
         let single = rest.len() == 1;
@@ -172,7 +172,6 @@ impl Evaluator<'_> {
                 None => all.push(value),
             }
         }
-        debug_assert!(matches!(role, Role::Color | Role::Colors));
         *values = all;
     }
 
@@ -185,7 +184,7 @@ impl Evaluator<'_> {
         let number = |value: &Value| match value.as_text() {
             None => value.as_number(),
             Some(text) => {
-                let expression = Expression::parse(text, self.names.iter().map(|name| &*name.text)).ok()?;
+                let expression = self.parse(text).ok()?;
                 let is_constant = !expression.needs(self.numbers.len());
                 if is_constant { expression.value(&self.numbers, &mut Vec::new()).ok() } else { None }
             }
@@ -207,7 +206,7 @@ impl Evaluator<'_> {
             value.kind = ValueKind::Number(eta);
             return;
         }
-        let expression = match Expression::parse(text, self.names.iter().map(|name| &*name.text)) {
+        let expression = match self.parse(text) {
             Ok(expression) => expression,
             // Words that no number is called are other mistakes, unless they are nearly its name.
             Err(_) if !seems_arithmetic(text) && closest_name(&self.names, text).is_none() => return,
@@ -245,7 +244,7 @@ impl Evaluator<'_> {
                 return;
             };
             let inner = &text[open + 1..end];
-            match Expression::parse(inner, self.names.iter().map(|name| &*name.text)) {
+            match self.parse(inner) {
                 Ok(expression) => {
                     pieces.push(Piece::Text(text[from..open].into()));
                     pieces.push(Piece::Number(expression));

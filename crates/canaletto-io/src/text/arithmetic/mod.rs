@@ -1,7 +1,7 @@
 //! Arithmetic in the scene text: named numbers (`let`), expressions in place of numbers, colours by name, and `repeat`.
 //!
-//! All of it is replaced by numbers before the scene is read, except in repeats of plain objects: these are made copy
-//! by copy while they are decoded, so that their number costs no memory for nodes of text.
+//! All of it is replaced by numbers before the scene is read, except in repeats of plain objects. These are made copy
+//! by copy while they are decoded. So their number costs no memory for nodes of text.
 
 mod color;
 mod color_names;
@@ -132,10 +132,15 @@ impl Evaluator<'_> {
         false
     }
 
+    /// The expression of a text, with the names in scope.
+    fn parse(&self, text: &str) -> Result<Expression, ExpressionError> {
+        Expression::parse(text, self.names.iter().map(|name| &*name.text))
+    }
+
     /// The expression of a text. Mistakes are reported.
     fn parsed(&mut self, value: &Value) -> Option<Expression> {
         let text = value.as_text()?;
-        match Expression::parse(text, self.names.iter().map(|name| &*name.text)) {
+        match self.parse(text) {
             Ok(expression) => Some(expression),
             Err(mistake) => {
                 self.mistake(value, 0, text, mistake);

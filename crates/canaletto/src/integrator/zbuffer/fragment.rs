@@ -224,9 +224,7 @@ impl VisibleTriangle<'_> {
 
     #[inline]
     fn to_local(&self, line: &DRay) -> DRay {
-        let Some(t) = &self.to_world else { return *line };
-        let back = t.inverse();
-        DRay { origin: back.point(line.origin), direction: back.vector(line.direction) }
+        self.to_world.map_or(*line, |to_world| line.to_local(to_world))
     }
 
     /// t and barycentric coordinates where the line meets the triangle's plane, moved into the triangle.

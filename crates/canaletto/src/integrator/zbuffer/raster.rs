@@ -127,6 +127,14 @@ impl ScreenTriangle {
         [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| edge(from, to, place) >= least_inside(from, to))
     }
 
+    /// The edge functions at a site's place in 1/256 pixels of a pixel.
+    #[inline(always)]
+    fn edges(&self, pixel: [i32; 2], site: [i32; 2]) -> [Edge; 3] {
+        let [a, b, c] = self.corners;
+        let place = [0, 1].map(|axis: usize| i64::from(pixel[axis]) * SUBPIXELS + i64::from(site[axis]));
+        [Edge::new(a, b, place), Edge::new(b, c, place), Edge::new(c, a, place)]
+    }
+
     /// The depth at a place in pixels.
     #[inline(always)]
     pub(super) fn depth(&self, x: f64, y: f64) -> f32 {
@@ -281,13 +289,10 @@ impl VisibilityBuffer {
         let Some([first, last]) = triangle.pixels(sites, self.corner, [x0 + width - 1, y0 + height - 1]) else {
             return;
         };
-        let [a, b, c] = triangle.corners;
         let plane_size = width as usize * height as usize;
-        for (site, &[dx, dy]) in sites.places.iter().enumerate() {
-            let place =
-                [i64::from(first[0]) * SUBPIXELS + i64::from(dx), i64::from(first[1]) * SUBPIXELS + i64::from(dy)];
-            let [e0, e1, e2] = [Edge::new(a, b, place), Edge::new(b, c, place), Edge::new(c, a, place)];
-            let sub = [f64::from(dx) / SUBPIXELS as f64, f64::from(dy) / SUBPIXELS as f64];
+        for (site, &place) in sites.places.iter().enumerate() {
+            let [e0, e1, e2] = triangle.edges(first, place);
+            let sub = place.map(|v| f64::from(v) / SUBPIXELS as f64);
             let mut row = [e0.value, e1.value, e2.value];
             for y in first[1]..=last[1] {
                 let [mut v0, mut v1, mut v2] = row;
@@ -330,13 +335,10 @@ impl VisibilityBuffer {
         let Some([first, last]) = triangle.pixels(sites, self.corner, [x0 + width - 1, y0 + height - 1]) else {
             return;
         };
-        let [a, b, c] = triangle.corners;
         let plane_size = width as usize * height as usize;
-        for (site, &[dx, dy]) in sites.places.iter().enumerate() {
-            let place =
-                [i64::from(first[0]) * SUBPIXELS + i64::from(dx), i64::from(first[1]) * SUBPIXELS + i64::from(dy)];
-            let [e0, e1, e2] = [Edge::new(a, b, place), Edge::new(b, c, place), Edge::new(c, a, place)];
-            let sub = [f64::from(dx) / SUBPIXELS as f64, f64::from(dy) / SUBPIXELS as f64];
+        for (site, &place) in sites.places.iter().enumerate() {
+            let [e0, e1, e2] = triangle.edges(first, place);
+            let sub = place.map(|v| f64::from(v) / SUBPIXELS as f64);
             let mut row = [e0.value, e1.value, e2.value];
             for y in first[1]..=last[1] {
                 let [mut v0, mut v1, mut v2] = row;

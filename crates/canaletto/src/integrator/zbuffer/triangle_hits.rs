@@ -46,9 +46,10 @@ impl TriangleHits8 {
     }
 }
 
-/// Cramer's rule for a + u (b − a) + v (c − a) = origin + t direction (Möller and Trumbore, *Fast, Minimum Storage
-/// Ray/Triangle Intersection*, 1997): whether the hit lies on the triangle, t, and u and v. In `f64` they differ from
-/// those of the ray tracer's watertight test by the rounding to `f32` at most.
+/// Whether a hit lies on the triangle, its t, and its u and v. They follow from Cramer's rule for
+/// a + u (b − a) + v (c − a) = origin + t direction (Möller and Trumbore, *Fast, Minimum Storage Ray/Triangle
+/// Intersection*, 1997). In `f64` they differ from those of the ray tracer's watertight test by the rounding to `f32`
+/// at most.
 #[inline(always)]
 fn meet([origin, direction]: [[f32; 3]; 2], corners: [[f32; 3]; 3]) -> (bool, f32, [f32; 2]) {
     let wide = |v: [f32; 3]| [f64::from(v[0]), f64::from(v[1]), f64::from(v[2])];
