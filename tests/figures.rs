@@ -182,7 +182,7 @@ fn the_book_shows_a_true_explanation() {
 /// Every link and picture of README and the book refers to a file of the project.
 #[test]
 fn links_lead_somewhere() {
-    let mut pages: Vec<_> = ["docs", "docs/design", "tests"]
+    let mut pages: Vec<_> = ["docs", "docs/design", "docs/pt", "tests"]
         .into_iter()
         .flat_map(|folder| std::fs::read_dir(root().join(folder)).unwrap())
         .map(|entry| entry.unwrap().path())

@@ -5,6 +5,7 @@
 //! `// NAME.kdl` is written to this file there before the commands after it run.
 #![cfg(unix)]
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -30,51 +31,115 @@ fn printed(folder: &Path, line: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// A page with what its commands print in place of what it says they print, and the number of commands.
-fn with_true_output(page: &str) -> (String, usize) {
-    let folder = tempfile::tempdir().unwrap();
-    std::os::unix::fs::symlink(root().join("scenes"), folder.path().join("scenes")).unwrap();
-    let (mut text, mut commands) = (String::new(), 0);
+/// A piece of a page, in the page's order.
+enum Piece<'a> {
+    Line(&'a str),
+    /// A file that is written before the commands after it run.
+    File {
+        name: &'a str,
+        text: String,
+    },
+    Command(&'a str),
+}
+
+fn pieces(page: &str) -> Vec<Piece<'_>> {
+    let mut pieces = Vec::new();
     let mut lines = page.lines();
     while let Some(line) = lines.next() {
-        writeln!(text, "{line}").unwrap();
+        pieces.push(Piece::Line(line));
         if !["```console", "```kdl"].contains(&line) {
             continue;
         }
         let block: Vec<&str> = lines.by_ref().take_while(|line| *line != "```").collect();
         if line == "```kdl" {
-            if let Some(name) =
-                block.first().and_then(|first| first.strip_prefix("// ")).filter(|n| n.ends_with(".kdl"))
-            {
-                std::fs::write(folder.path().join(name), block.join("\n") + "\n").unwrap();
-            }
-            block.iter().for_each(|line| writeln!(text, "{line}").unwrap());
+            let name = block.first().and_then(|first| first.strip_prefix("// ")).filter(|name| name.ends_with(".kdl"));
+            pieces.extend(name.map(|name| Piece::File { name, text: block.join("\n") + "\n" }));
+            pieces.extend(block.into_iter().map(Piece::Line));
         } else {
-            for command in block.iter().filter_map(|line| line.strip_prefix("$ ")) {
-                let output = printed(folder.path(), command);
-                // Without a last empty line, which the next command's line would otherwise follow.
-                writeln!(text, "$ {command}\n{}", output.trim_end()).unwrap();
-                commands += 1;
-            }
+            pieces.extend(block.into_iter().filter_map(|line| line.strip_prefix("$ ")).map(Piece::Command));
         }
-        text.push_str("```\n");
+        pieces.push(Piece::Line("```"));
     }
-    (text, commands)
+    pieces
+}
+
+/// All files and commands of a page. Pages of equal scripts print the same.
+fn script(pieces: &[Piece]) -> String {
+    let mut script = String::new();
+    for piece in pieces {
+        match piece {
+            Piece::Line(_) => {}
+            Piece::File { name, text } => writeln!(script, "> {name}\n{text}").unwrap(),
+            Piece::Command(command) => writeln!(script, "$ {command}").unwrap(),
+        }
+    }
+    script
+}
+
+/// What each command of a page prints.
+fn outputs(pieces: &[Piece]) -> Vec<String> {
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink(root().join("scenes"), folder.path().join("scenes")).unwrap();
+    let mut outputs = Vec::new();
+    for piece in pieces {
+        match piece {
+            Piece::Line(_) => {}
+            Piece::File { name, text } => std::fs::write(folder.path().join(name), text).unwrap(),
+            Piece::Command(command) => outputs.push(printed(folder.path(), command)),
+        }
+    }
+    outputs
+}
+
+/// A page with these outputs in place of what it says its commands print.
+fn with_outputs(pieces: &[Piece], outputs: &[String]) -> String {
+    let mut text = String::new();
+    let mut outputs = outputs.iter();
+    for piece in pieces {
+        match piece {
+            Piece::Line(line) => writeln!(text, "{line}").unwrap(),
+            Piece::File { .. } => {}
+            // Without a last empty line, which the next command's line would otherwise follow.
+            Piece::Command(command) => writeln!(text, "$ {command}\n{}", outputs.next().unwrap().trim_end()).unwrap(),
+        }
+    }
+    text
+}
+
+/// The pages in a folder and in the folders below it, in a fixed order.
+fn pages_below(folder: &Path) -> Vec<PathBuf> {
+    let mut pages = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            pages.extend(pages_below(&path));
+        } else if path.extension().is_some_and(|extension| extension == "md") {
+            pages.push(path);
+        }
+    }
+    pages.sort();
+    pages
+}
+
+fn page(name: &str) -> String {
+    std::fs::read_to_string(root().join("docs").join(name)).unwrap()
 }
 
 #[test]
 fn the_books_transcripts_are_true() {
     let bless = std::env::var_os("CANALETTO_BLESS").is_some();
-    let mut counts = Vec::new();
-    let mut pages: Vec<PathBuf> =
-        std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path()).collect();
-    pages.sort();
-    for path in pages.into_iter().filter(|path| path.extension().is_some_and(|e| e == "md")) {
+    let docs = root().join("docs");
+    let mut counts = BTreeMap::new();
+    // A page in another language has the script of its sister, which therefore runs once for both.
+    let mut known: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for path in pages_below(&docs) {
         let page = std::fs::read_to_string(&path).unwrap();
         if !page.contains("```console\n") {
             continue;
         }
-        let (text, commands) = with_true_output(&page);
+        let pieces = pieces(&page);
+        let outputs = known.entry(script(&pieces)).or_insert_with(|| outputs(&pieces));
+        let text = with_outputs(&pieces, outputs);
         if bless {
             std::fs::write(&path, &text).unwrap();
         } else if let Some((is, should)) = text.lines().zip(page.lines()).find(|(is, should)| is != should) {
@@ -82,25 +147,50 @@ fn the_books_transcripts_are_true() {
         } else {
             assert_eq!(text.lines().count(), page.lines().count(), "{}", path.display());
         }
-        counts.push((path.file_name().unwrap().to_string_lossy().into_owned(), commands));
+        counts.insert(path.strip_prefix(&docs).unwrap().to_string_lossy().into_owned(), outputs.len());
     }
-    let count = |name: &str| counts.iter().find(|(page, _)| page == name).map_or(0, |(_, commands)| *commands);
-    assert!(count("exercises.md") >= 15 && count("troubleshooting.md") >= 10, "{counts:?}");
+    for (name, least) in [("exercises.md", 15), ("pt/exercicios.md", 15), ("troubleshooting.md", 10)] {
+        assert!(counts.get(name).is_some_and(|&commands| commands >= least), "{name}: {counts:?}");
+    }
 }
 
-/// Each of the chapter's 21 exercises has its heading.
+/// The Portuguese pages follow their English sisters: the commands of one, the words of the other.
+#[test]
+fn portuguese_pages_follow_the_english_ones() {
+    let (english, portuguese) = (page("exercises.md"), page("pt/exercicios.md"));
+    assert_eq!(script(&pieces(&english)), script(&pieces(&portuguese)));
+
+    // A row's English word and the file to read first.
+    let rows = |glossary: &str, word: usize| -> Vec<(String, String)> {
+        let cells = glossary.lines().map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
+        let rows = cells.filter(|cells| cells.len() > 2 && cells[cells.len() - 2].starts_with('`'));
+        rows.map(|cells| (cells[word].to_owned(), cells[cells.len() - 2].to_owned())).collect()
+    };
+    let (english, portuguese) = (rows(&page("glossary.md"), 1), rows(&page("pt/glossario.md"), 2));
+    assert!(english.len() > 150, "{}", english.len());
+    for row in &english {
+        assert!(portuguese.contains(row), "docs/pt/glossario.md lacks the row {row:?} of docs/glossary.md");
+    }
+    assert_eq!(english, portuguese);
+}
+
+/// Each of the chapter's 21 exercises has its heading, in both languages.
 #[test]
 fn all_exercises_have_an_answer() {
-    let page = std::fs::read_to_string(root().join("docs/exercises.md")).unwrap();
-    let numbers: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("## ")).collect();
-    let told: Vec<u32> = numbers.iter().filter_map(|line| line.split('.').next()?.parse().ok()).collect();
-    assert_eq!(told, (1..=21).collect::<Vec<u32>>());
+    for name in ["exercises.md", "pt/exercicios.md"] {
+        let page = page(name);
+        let headings = page.lines().filter_map(|line| line.strip_prefix("## "));
+        let told: Vec<u32> = headings.filter_map(|heading| heading.split('.').next()?.parse().ok()).collect();
+        assert_eq!(told, (1..=21).collect::<Vec<u32>>(), "{name}");
+    }
 }
 
 #[test]
 fn a_wrong_transcript_is_corrected() {
     let page = "```kdl\n// wrong.kdl\nmaterial 1\n```\n```console\n$ canaletto check -q wrong.kdl | wc -l\n7\n```\n";
-    let (text, commands) = with_true_output(page);
-    assert_eq!(commands, 1);
+    let pieces = pieces(page);
+    let outputs = outputs(&pieces);
+    assert_eq!(outputs.len(), 1);
+    let text = with_outputs(&pieces, &outputs);
     assert!(text.contains("material") && text.contains("--> wrong.kdl:2:10") && text.ends_with("\n0\n```\n"), "{text}");
 }
