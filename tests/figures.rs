@@ -59,6 +59,9 @@ const PICTURES: [(&str, &str); 10] = [
     ("scenes/chapter", "soft-shadow-sampled"),
 ];
 
+/// Large pictures, of which one part is rendered again: scene, and the part's left, top, width and height.
+const PARTS: [(&str, [u32; 4]); 2] = [("grand-canal", [440, 320, 128, 72]), ("gyroid", [300, 200, 96, 64])];
+
 fn scene(folder: &str, name: &str) -> Scene {
     let assets = FolderAssets::new(root().join(folder)).expect("the scenes are there");
     match read_scene(&format!("{name}.kdl"), &assets) {
@@ -160,6 +163,31 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
         }
     }
     assert!(changed.is_empty(), "changed: {changed:?}; see {} and `canaletto compare`", failed.display());
+}
+
+#[test]
+fn parts_of_large_pictures_look_as_they_did() {
+    for (name, part) in PARTS {
+        let mut scene = scene("scenes", name);
+        scene.film.crop = Some(part);
+        let film = scene.film;
+        let picture = picture(scene).picture;
+        let shown = develop(&picture, film.tone, film.transfer);
+        let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
+        let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
+        let ours = decode(&png).unwrap().image;
+        let whole = std::fs::read(root().join("docs/pictures").join(format!("{name}.png"))).unwrap();
+        let whole = decode(&whole).unwrap().image;
+        let [left, top, width, height] = part.map(|n| n as usize);
+        assert_eq!((ours.width as usize, ours.height as usize), (width, height));
+        for (ours, whole_channel) in ours.channels.iter().zip(&whole.channels) {
+            for y in 0..height {
+                let start = (top + y) * whole.width as usize + left;
+                let (row, golden) = (&ours.data[y * width..][..width], &whole_channel.data[start..][..width]);
+                assert!(row == golden, "{name}: row {y} of its part changed; render the scene again and look at it");
+            }
+        }
+    }
 }
 
 #[test]
