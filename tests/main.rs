@@ -4,6 +4,7 @@
 mod agreement;
 mod animation;
 mod area_lights;
+mod book;
 mod bundles;
 mod cases;
 mod causes;
