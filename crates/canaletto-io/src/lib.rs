@@ -17,3 +17,8 @@ pub mod source;
 #[cfg(test)]
 mod testing;
 pub mod text;
+
+/// The programs of the book's page on the library are tests of this crate.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/library.md")]
+mod library_page {}
