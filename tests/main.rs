@@ -14,6 +14,7 @@ mod distributed;
 mod environment;
 mod figures;
 mod footprints;
+mod grade;
 mod limits;
 mod radiosity_explained;
 mod scale;

@@ -3,6 +3,7 @@
 pub mod gallery;
 pub mod reference;
 mod same_picture;
+pub mod student;
 pub mod textured;
 
 pub use same_picture::assert_same_picture;

@@ -13,7 +13,7 @@ pub(crate) enum Exit {
     Usage = 2,
     /// The scene, or a file that it names, is wrong. A solution is wrong, or one of another scene.
     Scene = 3,
-    /// Two pictures differ by more than a threshold.
+    /// Two pictures differ by more than a threshold, or a graded picture isn't right.
     Threshold = 4,
     /// Ctrl-C or a termination signal ended the command.
     Interrupted = 130,
@@ -26,7 +26,10 @@ impl Exit {
         (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
         (Exit::Scene, "the scene, a file that it names or another input is wrong or missing, or a solution is refused"),
-        (Exit::Threshold, "compare, compare-methods: the pictures differ by more than a threshold"),
+        (
+            Exit::Threshold,
+            "compare, compare-methods: the pictures differ by more than a threshold; grade: the picture isn't right",
+        ),
         (
             Exit::Interrupted,
             "interrupted; render keeps finished frames, and the finished part of a picture as name.partial.png",

@@ -1,11 +1,13 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
-use crate::progress::ProgressFlag;
+use crate::failure::print_diagnostics;
+use crate::progress::{ProgressFlag, Style};
 use crate::watch::ReadLog;
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::scene::{Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
+use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::import::FORMATS;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -36,6 +38,20 @@ pub(crate) struct MessageFlags {
     /// Prints no warnings and no progress
     #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
+}
+
+impl MessageFlags {
+    /// How progress is shown.
+    pub(crate) fn style(&self) -> Style {
+        Style::new(self.progress, self.quiet)
+    }
+
+    /// Prints warnings, unless there shall be none.
+    pub(crate) fn warn(&self, warnings: &Diagnostics) {
+        if !self.quiet {
+            print_diagnostics(warnings, self.progress == ProgressFlag::Json);
+        }
+    }
 }
 
 /// Which scene.

@@ -44,7 +44,7 @@ mod watched;
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
-    bake, check, compare, compare_methods, completions, explain, form_factor, info, ladder, man, measure, render,
+    bake, check, compare, compare_methods, completions, explain, form_factor, grade, info, ladder, man, measure, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -86,6 +86,7 @@ Examples:
   canaletto compare a.png b.exr --diff diff.png
   canaletto compare-methods scene.kdl            # z-buffer and ray tracing, and why they differ
   canaletto ladder scene.kdl                     # a sheet of pictures, each with one term more
+  canaletto grade scene.kdl student.png          # what is missing or wrong in another program's picture
 `canaletto help render` shows the whole help of a command.";
 
 #[derive(Subcommand, Debug)]
@@ -99,6 +100,7 @@ enum Command {
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
     Ladder(Box<ladder::LadderFlags>),
+    Grade(Box<grade::GradeFlags>),
     Check(check::CheckFlags),
     Completions(completions::CompletionsFlags),
     Man(man::ManFlags),
@@ -141,6 +143,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),
         Command::Ladder(flags) => ladder::run(flags),
+        Command::Grade(flags) => grade::run(flags),
         Command::Check(flags) => check::run(flags),
         Command::Completions(flags) => completions::run(flags, Cli::command()),
         Command::Man(flags) => man::run(flags, Cli::command()),
@@ -154,6 +157,7 @@ impl Command {
             Command::Render(flags) => flags.progress,
             Command::CompareMethods(flags) => flags.messages.progress,
             Command::Ladder(flags) => flags.messages.progress,
+            Command::Grade(flags) => flags.messages.progress,
             Command::Bake(flags) => flags.progress,
             _ => return false,
         };

@@ -7,7 +7,9 @@ use crate::format::count;
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View};
+use canaletto::scene::{
+    FilmSettings, Filter, Integrator, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View,
+};
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
 
@@ -105,6 +107,21 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
             _ => failure.help(all),
         }
     })
+}
+
+/// The flags for a picture by the classic integrator, whose stages are wanted. It has the scene's settings if the scene
+/// names it, else its defaults.
+pub(crate) fn classic(flags: &PictureFlags, scene: &Scene) -> Result<PictureFlags, Failure> {
+    match flags.integrator {
+        Some(other) if other.whitted().is_none() => {
+            let message = format!("--integrator {}: the stages are those of the classic integrator", other.name());
+            Err(Failure::usage(message).help("leave it out, or see compare-methods"))
+        }
+        _ => {
+            let integrator = Some(Integrator::Whitted(scene.integrator.nearest_whitted()));
+            Ok(PictureFlags { integrator, ..flags.clone() })
+        }
+    }
 }
 
 /// Combines the flags about samples. `--samples` alone leaves the positions to the sampler, or takes the centre for 1.

@@ -28,6 +28,8 @@ pub(crate) struct Source {
     pub scene: Scene,
     /// Warnings about the scene.
     pub warnings: Diagnostics,
+    /// The frame.
+    pub frame: u32,
     /// Every file that was read, in the order of reading.
     pub files: Vec<UsedFile>,
     /// The duration of reading.
@@ -52,9 +54,7 @@ pub(crate) struct UsedFile {
 impl Source {
     /// Reads a scene or model at a frame. The default is its first frame.
     pub(crate) fn read(flags: &SourceFlags, frame: Option<u32>) -> Result<Source, Failure> {
-        let mut reader = Reader::open(flags, None)?;
-        let frame = frame.unwrap_or(reader.first_frame());
-        reader.at(frame)
+        Reader::open(flags, None)?.at_chosen(None, frame)
     }
 }
 
@@ -184,6 +184,12 @@ impl Reader {
         read.or_else(named).map(Path::to_owned)
     }
 
+    /// The scene at a frame, or at its first one, with the shutter of a camera.
+    pub(crate) fn at_chosen(&mut self, camera: Option<&str>, frame: Option<u32>) -> Result<Source, Failure> {
+        self.choose_camera(camera);
+        self.at(frame.unwrap_or(self.first_frame()))
+    }
+
     /// The scene at a frame.
     pub(crate) fn at(&mut self, frame: u32) -> Result<Source, Failure> {
         let start = Instant::now();
@@ -192,7 +198,7 @@ impl Reader {
         let files = self.assets.files.lock().unwrap_or_else(PoisonError::into_inner).clone();
         // The time of opening is added to that of the first frame.
         let time = std::mem::take(&mut self.time) + start.elapsed();
-        Ok(Source { name: self.name.clone(), scene, warnings, files, time })
+        Ok(Source { name: self.name.clone(), scene, warnings, frame, files, time })
     }
 }
 

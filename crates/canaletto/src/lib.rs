@@ -46,6 +46,7 @@ pub mod diagnose;
 pub mod explain;
 pub mod film;
 pub mod form_factor;
+pub mod grade;
 pub mod integrator;
 mod job;
 pub mod ladder;

@@ -93,7 +93,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let begun = Instant::now();
     let points = read_points(&flags.points)?;
     let mut reader = Reader::open(&flags.source, None)?;
-    let source = reader.at(flags.frame.unwrap_or(reader.first_frame()))?;
+    let source = reader.at_chosen(None, flags.frame)?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }

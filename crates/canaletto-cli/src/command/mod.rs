@@ -7,6 +7,7 @@ pub(crate) mod compare_methods;
 pub(crate) mod completions;
 pub(crate) mod explain;
 pub(crate) mod form_factor;
+pub(crate) mod grade;
 pub(crate) mod info;
 pub(crate) mod ladder;
 pub(crate) mod man;

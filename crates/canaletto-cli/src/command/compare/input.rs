@@ -10,14 +10,14 @@ use canaletto_io::text::closest_word;
 use std::path::Path;
 
 /// A picture from a file.
-pub(super) struct Input {
-    pub(super) decoded: Decoded,
+pub(in crate::command) struct Input {
+    pub(in crate::command) decoded: Decoded,
     /// Whether the values are those of a layer that holds no colours.
-    pub(super) is_raw: bool,
+    pub(in crate::command) is_raw: bool,
 }
 
 /// Reads a picture and chooses the layer to compare: its own colours, or its only layer.
-pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
+pub(in crate::command) fn read(path: &Path, layer: Option<&str>) -> Result<Input, Failure> {
     let decoded = read_picture(path)?;
     let layer = match layer {
         None if decoded.image.rgb().is_some() => return Ok(Input { decoded, is_raw: false }),
@@ -49,7 +49,7 @@ fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {
 
 impl Input {
     /// The transfer curve of a PNG, if the file declares one. PNGs of this program always do.
-    pub(super) fn curve(&self) -> Option<Transfer> {
+    pub(in crate::command) fn curve(&self) -> Option<Transfer> {
         if !self.decoded.display_referred {
             return None;
         }
@@ -62,12 +62,12 @@ impl Input {
     }
 
     /// The largest value that a PNG holds.
-    pub(super) fn steps(&self) -> Option<f32> {
+    pub(in crate::command) fn steps(&self) -> Option<f32> {
         self.decoded.display_referred.then_some(if self.decoded.bits > 8 { 65535.0 } else { 255.0 })
     }
 
     /// The picture encoded for display. An EXR is rounded to the bits of the PNG that it is compared with.
-    pub(super) fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
+    pub(in crate::command) fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
         let image = self.decoded.image.clone();
         if self.decoded.display_referred {
             return image;
@@ -80,7 +80,7 @@ impl Input {
     }
 
     /// The picture in linear light.
-    pub(super) fn linear(self, curve: Transfer) -> Image {
+    pub(in crate::command) fn linear(self, curve: Transfer) -> Image {
         let Decoded { image, display_referred, .. } = self.decoded;
         if !display_referred || curve == Transfer::None { image } else { image.map_color(decode_srgb) }
     }

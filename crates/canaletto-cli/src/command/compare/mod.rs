@@ -17,7 +17,7 @@ use canaletto_io::picture::{
 };
 use canaletto_io::text::closest_word;
 use clap::Args;
-use input::read;
+pub(super) use input::{Input, read};
 use report::ComparisonReport;
 use std::path::{Path, PathBuf};
 

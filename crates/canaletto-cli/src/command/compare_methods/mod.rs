@@ -6,13 +6,13 @@ mod report;
 use crate::command::render::stem;
 use crate::complete::texts;
 use crate::exit::Exit;
-use crate::failure::{Failure, print_diagnostics};
+use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, SourceFlags, named};
 use crate::format::bytes;
 use crate::frame_writer::window;
 use crate::omissions::doubt_omissions;
 use crate::output::{Output, OutputFlags, replaced, unfit};
-use crate::progress::{ProgressDisplay, ProgressFlag, Style};
+use crate::progress::ProgressDisplay;
 use crate::settings::{Settings, metadata};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
@@ -163,12 +163,9 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         return Err(Failure::usage(format!("--output: {} isn't a format of pictures", output.format)));
     };
     let mut reader = Reader::open(&flags.source, None)?;
-    reader.choose_camera(flags.picture.camera.as_deref());
-    let frame = flags.frame.unwrap_or(reader.first_frame());
-    let source = reader.at(frame)?;
-    if !flags.messages.quiet {
-        print_diagnostics(&source.warnings, flags.messages.progress == ProgressFlag::Json);
-    }
+    let source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
+    let frame = source.frame;
+    flags.messages.warn(&source.warnings);
     let mut methods = Vec::new();
     let mut camera = String::new();
     for &integrator in &flags.methods {
@@ -190,13 +187,8 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     check_room(&methods)?;
     let options = seen_through(&camera, &source.scene, flags.source.build_options(0));
     let (world, _) = build(&source.name, source.scene, &options, None)?;
-    if !flags.messages.quiet {
-        for method in &methods {
-            print_diagnostics(
-                &doubt_omissions(&source.name, &world, &method.job),
-                flags.messages.progress == ProgressFlag::Json,
-            );
-        }
+    for method in &methods {
+        flags.messages.warn(&doubt_omissions(&source.name, &world, &method.job));
     }
     let work = MethodsWork { flags, name: &source.name, world: &world, output: &output, format };
     let (pictures, solution) = work.render(&methods)?;
@@ -334,7 +326,7 @@ impl MethodsWork<'_> {
         job: &Job,
         work: impl FnOnce(&ProgressDisplay) -> Result<T, JobError>,
     ) -> Result<T, Failure> {
-        watched(Style::new(self.flags.messages.progress, self.flags.messages.quiet), self.name, label, job, work)
+        watched(self.flags.messages.style(), self.name, label, job, work)
     }
 }
 

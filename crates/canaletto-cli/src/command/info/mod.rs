@@ -19,6 +19,7 @@ use canaletto::scene::View;
 use canaletto::world::{World, WorldStats};
 use clap::Args;
 use picture::print_picture;
+pub(super) use recipe::quoted;
 use serde_json::json;
 use std::time::Duration;
 

@@ -4,19 +4,18 @@ mod sheet;
 
 use crate::command::render::stem;
 use crate::exit::Exit;
-use crate::failure::{Failure, print_diagnostics};
+use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, SourceFlags};
 use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::layers::developed;
 use crate::output::{Output, OutputFlags, replaced};
-use crate::progress::{ProgressFlag, Style};
-use crate::settings::{Settings, sampling_words};
+use crate::progress::Style;
+use crate::settings::{Settings, classic, sampling_words};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
 use crate::watched::watched;
 use canaletto::ladder::{Rung, has_textures, without_textures};
 use canaletto::render::{Job, render};
-use canaletto::scene::Integrator;
 use canaletto::world::World;
 use canaletto::{Named, memory};
 use canaletto_io::picture::{Image, MAX_PIXELS};
@@ -94,25 +93,19 @@ pub(crate) fn run(flags: &LadderFlags) -> Result<Exit, Failure> {
 }
 
 fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
-    check_flags(flags)?;
+    if flags.picture.stage.is_some() {
+        return Err(Failure::usage("--stage chooses one stage, but a ladder shows all of them"));
+    }
     let output = Output::new(&flags.output, &format!("{}.ladder", stem(&flags.source.scene)), false, false)?;
     let Some(format) = output.format.picture() else {
         return Err(Failure::usage(format!("--output: {} isn't a format of pictures", output.format)));
     };
     let mut reader = Reader::open(&flags.source, None)?;
-    reader.choose_camera(flags.picture.camera.as_deref());
-    let frame = flags.frame.unwrap_or(reader.first_frame());
-    let source = reader.at(frame)?;
-    if !flags.messages.quiet {
-        print_diagnostics(&source.warnings, flags.messages.progress == ProgressFlag::Json);
-    }
-    let (name, scene) = (source.name, source.scene);
+    let source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
+    flags.messages.warn(&source.warnings);
+    let (name, scene, frame) = (source.name, source.scene, source.frame);
     let replaced_integrator = scene.integrator.whitted().is_none().then(|| scene.integrator.name());
-    let picture = PictureFlags {
-        integrator: Some(Integrator::Whitted(scene.integrator.nearest_whitted())),
-        ..flags.picture.clone()
-    };
-    let settings = Settings::new(&name, &scene, &picture)?;
+    let settings = Settings::new(&name, &scene, &classic(&flags.picture, &scene)?)?;
     let job = Job { frame, ..settings.job };
     let file = output.path(frame);
     output.check([file.clone()])?;
@@ -124,7 +117,7 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
     let textured = has_textures(&scene);
     let plain = if textured { Some(without_textures(&scene)) } else { None };
-    let work = LadderWork { name: &name, style: Style::new(flags.messages.progress, flags.messages.quiet), job: &job };
+    let work = LadderWork { name: &name, style: flags.messages.style(), job: &job };
     let mut rungs = Vec::new();
     match plain {
         Some(plain) => {
@@ -150,20 +143,6 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let texts = [("scene".to_owned(), file_name), ("ladder".to_owned(), names.join(" "))];
     output.write_drawing(&file, format, drawing, &texts)?;
     Ok(LadderReport { scene: name, camera: settings.camera, size: [width, height], file, replaced_integrator, rungs })
-}
-
-/// Checks the flags that a ladder can't obey.
-fn check_flags(flags: &LadderFlags) -> Result<(), Failure> {
-    if flags.picture.stage.is_some() {
-        return Err(Failure::usage("--stage chooses one stage, but a ladder shows all of them"));
-    }
-    match flags.picture.integrator {
-        Some(other) if other.whitted().is_none() => {
-            let message = format!("--integrator {}: the stages are those of the classic integrator", other.name());
-            Err(Failure::usage(message).help("leave it out, or see compare-methods"))
-        }
-        _ => Ok(()),
-    }
 }
 
 /// Checks before rendering that a file can hold the sheet, and that memory suffices for it.

@@ -1,0 +1,115 @@
+//! `canaletto grade`: which stage of the chapter a picture shows, and which mistake explains it.
+
+mod report;
+
+use crate::command::compare::{Input, read};
+use crate::exit::Exit;
+use crate::failure::Failure;
+use crate::flags::{MessageFlags, PictureFlags, PictureSize, SourceFlags};
+use crate::picture_file::picture_format;
+use crate::settings::{Settings, classic};
+use crate::source::{Reader, build, on_threads, seen_through};
+use crate::stdout::{print, print_json};
+use crate::watched::watched;
+use canaletto::Named;
+use canaletto::grade::{Mistake, StudentPicture, Verdict, grade};
+use canaletto::render::Job;
+use canaletto_io::picture::PictureFormat;
+use clap::Args;
+use report::GradeReport;
+use std::path::{Path, PathBuf};
+
+/// Grades a picture of a scene that another ray tracer made: says what is missing or wrong, and which pixels tell.
+///
+/// The picture is compared with each stage of the chapter, and with each stage rendered with one of the usual mistakes.
+/// The simplest hypothesis that explains it is printed. A mistake is named only if it explains the picture clearly
+/// better than no mistake. Edges are left out, so that anti-aliasing and rounding don't count.
+///
+/// The scene is rendered in the size of the picture. Formats are PNG, PPM, JPEG, WebP, Radiance HDR and OpenEXR.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
+pub(crate) struct GradeFlags {
+    #[command(flatten)]
+    pub source: SourceFlags,
+
+    /// The picture to grade
+    #[arg(value_name = "PICTURE")]
+    pub student: PathBuf,
+
+    /// Sets the frame, as in `render --frames` [default: the scene's first, or 0]
+    #[arg(long, value_name = "N", help_heading = "Picture")]
+    pub frame: Option<u32>,
+
+    #[command(flatten)]
+    pub picture: PictureFlags,
+    #[command(flatten)]
+    pub messages: MessageFlags,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto grade scenes/chapter/box-5.4.kdl student.png
+  canaletto grade scenes/chapter/box-5.4.kdl student.ppm --stage shadow
+  canaletto grade scenes/chapter/box-5.4.kdl student.jpg --json | jq .verdict";
+
+fn long_help() -> String {
+    let mistakes = Mistake::ALL.iter().map(|mistake| format!("  {:<26} {}\n", mistake.name(), mistake.meaning()));
+    format!(
+        "{EXAMPLES}\n\nThe exit code is 4 unless the picture is right.\n\nMistakes:\n{}",
+        mistakes.collect::<String>().trim_end()
+    )
+}
+
+/// Runs the command.
+pub(crate) fn run(flags: &GradeFlags) -> Result<Exit, Failure> {
+    let report = on_threads(flags.source.threads, || graded(flags))??;
+    if flags.messages.json {
+        print_json(&report.json())?;
+    } else {
+        print(&report.text())?;
+    }
+    Ok(if report.grade.verdict == Verdict::Right { Exit::Done } else { Exit::Threshold })
+}
+
+fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
+    let input = read(&flags.student, None)?;
+    let size = [input.decoded.image.width, input.decoded.image.height];
+    let source = Reader::open(&flags.source, None)?.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
+    flags.messages.warn(&source.warnings);
+    let (name, scene, frame) = (source.name, source.scene, source.frame);
+    let picture = classic(&flags.picture, &scene)?;
+    let mut settings = Settings::new(&name, &scene, &picture)?;
+    let own_size = settings.job.window().last_chunk().copied().unwrap_or(size);
+    if own_size != size {
+        if settings.job.film.crop.is_some() {
+            let [[w, h], [own_w, own_h]] = [size, own_size];
+            let message = format!("the picture has {w} x {h} pixels, but the scene's crop window {own_w} x {own_h}");
+            return Err(Failure::usage(message).help("give --size and --crop of the picture"));
+        }
+        settings = Settings::new(&name, &scene, &PictureFlags { size: Some(PictureSize::Pixels(size)), ..picture })?;
+    }
+    settings.check_pixels()?;
+    let job = Job { frame, ..settings.job };
+    let student = student_picture(&flags.student, &input, &job)?;
+    let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
+    let (world, _) = build(&name, scene, &options, None)?;
+    let grade = watched(flags.messages.style(), &name, "grading", &job, |watch| grade(&world, &job, &student, watch))?;
+    if !grade.complete {
+        return Err(Failure::new(Exit::Interrupted, "interrupted"));
+    }
+    Ok(GradeReport { flags, scene: name, camera: settings.camera, size, own_size, grade })
+}
+
+/// The picture's display values. Linear values are developed as the scene says.
+fn student_picture(path: &Path, input: &Input, job: &Job) -> Result<StudentPicture, Failure> {
+    let image = input.seen(job.film.transfer, None);
+    let Some([r, g, b]) = image.rgb() else {
+        return Err(Failure::new(Exit::Failed, format!("{} has no colours", path.display())));
+    };
+    let pixels = (0..r.len()).map(|i| [r[i], g[i], b[i]]).collect();
+    let tolerance = match picture_format(path) {
+        Some(PictureFormat::Jpeg | PictureFormat::WebP) => StudentPicture::COMPRESSED,
+        _ => StudentPicture::ROUNDED,
+    };
+    Ok(StudentPicture { width: image.width, height: image.height, pixels, tolerance })
+}

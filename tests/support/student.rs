@@ -1,0 +1,363 @@
+//! The ray tracer of a student, with mistakes that can be planted. It is written after the chapter's boxes and shares
+//! only the description of a scene with the library, so that the grader's own hypotheses are not its measure. It
+//! supports spheres, boxes and omni lights.
+
+use canaletto::light::LightKind;
+use canaletto::material::Phong;
+use canaletto::scene::{Content, Node, Sampling, Scene, Stage, Transfer};
+use canaletto::shape::Shape;
+use glam::DVec3;
+
+/// A mistake in the student's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Planted {
+    UpsideDown,
+    ColumnsReversed,
+    OtherPlace,
+    TangentOfFovy,
+    SquareWindow,
+    LastObjectWins,
+    FarthestWins,
+    ExtraGamma,
+    BlueGreenRed,
+    ByteOverflow,
+    NoBackground,
+    NoAmbient,
+    AmbientWithoutKd,
+    AmbientForEachLight,
+    NoDiffuse,
+    NoMax,
+    AbsoluteValue,
+    LongLightVector,
+    LightVectorReversed,
+    NoIntensity,
+    OneLight,
+    NoSpecular,
+    ExponentDoubled,
+    ExponentHalved,
+    NoExponent,
+    Blinn,
+    MirrorSign,
+    EvenPower,
+    HighlightTimesKd,
+    NoShadows,
+    Acne,
+    BeyondLight,
+    GlassBlocks,
+    ShadowTakesAll,
+    NoReflection,
+    NoK,
+    ReflectsOn,
+    ReflectsInwards,
+    ReflectsLight,
+    OneMinusK,
+    DepthTwo,
+    NoRefraction,
+    EtaUpsideDown,
+    EtaOneWay,
+    StraightOn,
+    NormalOutwards,
+    TotalIsBlack,
+    NoTransparency,
+    OpacityAsTransparency,
+    OpacityBlend,
+}
+
+/// The program for one scene.
+pub struct StudentTracer<'a> {
+    scene: &'a Scene,
+    planted: Option<Planted>,
+    stage: Stage,
+    objects: Vec<(Shape, Phong)>,
+    lights: Vec<[DVec3; 2]>,
+}
+
+struct Found {
+    t: f64,
+    p: DVec3,
+    n: DVec3,
+    material: Phong,
+}
+
+impl<'a> StudentTracer<'a> {
+    /// The program with a mistake, finished up to a stage.
+    pub fn new(scene: &'a Scene, stage: Stage, planted: Option<Planted>) -> StudentTracer<'a> {
+        let mut tracer = StudentTracer { scene, planted, stage, objects: Vec::new(), lights: Vec::new() };
+        scene.nodes.iter().for_each(|node| tracer.add(node));
+        if tracer.does(Planted::OneLight) {
+            tracer.lights.truncate(1);
+        }
+        tracer
+    }
+
+    fn add(&mut self, node: &Node) {
+        match &node.content {
+            Content::Shape(shape) => {
+                let material = node.material.expect("objects have materials") as usize;
+                self.objects.push((*shape, *self.scene.materials[material].phong()));
+            }
+            Content::Light(light) => {
+                let LightKind::Omni(omni) = &light.kind else { panic!("the student knows omni lights only") };
+                let [x, y, z, _] = omni.position.map(f64::from);
+                self.lights.push([DVec3::new(x, y, z), color(light.intensity)]);
+            }
+            Content::Instance(index) => self.add(&self.scene.prototypes[*index as usize]),
+            other => panic!("the student doesn't know {other:?}"),
+        }
+    }
+
+    fn does(&self, planted: Planted) -> bool {
+        self.planted == Some(planted)
+    }
+
+    /// The picture's bytes, the top row first. `rays` is the side of a grid of rays in each pixel; 1 is one ray at the
+    /// scene's own place.
+    pub fn picture(&self, [w, h]: [u32; 2], rays: u32) -> Vec<[u8; 3]> {
+        let mut picture = Vec::new();
+        for row in 0..h {
+            for column in 0..w {
+                let mut sum = DVec3::ZERO;
+                for i in 0..rays * rays {
+                    let corner = self.scene.film.sampling == Sampling::Corner;
+                    let place = if corner != self.does(Planted::OtherPlace) { 0.0 } else { 0.5 };
+                    let spread = |k: u32| if rays == 1 { place } else { (f64::from(k) + 0.5) / f64::from(rays) };
+                    let y = if self.does(Planted::UpsideDown) { row } else { h - 1 - row };
+                    let x = if self.does(Planted::ColumnsReversed) { w - 1 - column } else { column };
+                    sum += self.ray([f64::from(x) + spread(i % rays), f64::from(y) + spread(i / rays)], [w, h]);
+                }
+                let mean = sum / f64::from(rays * rays);
+                picture.push(self.stored(mean));
+            }
+        }
+        picture
+    }
+
+    fn stored(&self, c: DVec3) -> [u8; 3] {
+        let [r, g, b] = c.to_array().map(|v| {
+            let v = if self.does(Planted::ByteOverflow) { v } else { v.clamp(0.0, 1.0) };
+            let v = if self.scene.film.transfer == Transfer::Srgb { srgb(v) } else { v };
+            let v = if self.does(Planted::ExtraGamma) { v.powf(1.0 / 2.2) } else { v };
+            // Some programs round, some cut off; a byte keeps the lowest 8 bits.
+            ((v * 255.0) as i64 & 255) as u8
+        });
+        if self.does(Planted::BlueGreenRed) { [b, g, r] } else { [r, g, b] }
+    }
+
+    fn ray(&self, [x, y]: [f64; 2], [w, h]: [u32; 2]) -> DVec3 {
+        let (i, e) = (&self.scene.views[0].intrinsics, &self.scene.views[0].extrinsics);
+        let (w, h) = (f64::from(w), f64::from(h));
+        let angle = if self.does(Planted::TangentOfFovy) { i.fovy } else { i.fovy / 2.0 };
+        let height = 2.0 * i.near * angle.to_radians().tan();
+        let base = if self.does(Planted::SquareWindow) { height } else { height * w / h };
+        let z = (e.eye - e.center).normalize();
+        let x_e = e.up.cross(z).normalize();
+        let y_e = z.cross(x_e);
+        let d = -i.near * z + height * (y / h - 0.5) * y_e + base * (x / w - 0.5) * x_e;
+        self.trace(e.eye, d.normalize(), 1)
+    }
+
+    fn trace(&self, o: DVec3, d: DVec3, depth: u32) -> DVec3 {
+        let Some(found) = self.nearest(o, d) else {
+            return if self.does(Planted::NoBackground) { DVec3::ZERO } else { color(self.scene.background) };
+        };
+        self.shade(&found, d, depth)
+    }
+
+    fn shade(&self, found: &Found, d: DVec3, depth: u32) -> DVec3 {
+        let (m, p, v) = (&found.material, found.p, -d);
+        let entering = found.n.dot(v) > 0.0;
+        let n = if entering || self.does(Planted::NormalOutwards) { found.n } else { -found.n };
+        let kd = color(m.kd);
+        if self.stage == Stage::Unlit {
+            return kd;
+        }
+        let mut ambient = DVec3::ZERO;
+        if self.stage >= Stage::Ambient && !self.does(Planted::NoAmbient) {
+            let each = if self.does(Planted::AmbientForEachLight) { self.lights.len() as f64 } else { 1.0 };
+            let ia = color(self.scene.ambient) * each;
+            ambient = if self.does(Planted::AmbientWithoutKd) { ia } else { ia * kd };
+        }
+        let mut lit = DVec3::ZERO;
+        let mut r = 2.0 * n.dot(v) * n - v;
+        let mirrored = r;
+        if self.does(Planted::MirrorSign) {
+            r = v - 2.0 * n.dot(v) * n;
+        }
+        for [position, intensity] in &self.lights {
+            let mut l = *position - p;
+            if !self.does(Planted::LongLightVector) {
+                l = l.normalize();
+            }
+            if self.does(Planted::LightVectorReversed) {
+                l = -l;
+            }
+            let intensity = if self.does(Planted::NoIntensity) { DVec3::ONE } else { *intensity };
+            let n_dot_l = n.dot(l);
+            let cosine = match self.planted {
+                Some(Planted::NoMax) => n_dot_l,
+                Some(Planted::AbsoluteValue) => n_dot_l.abs(),
+                _ => n_dot_l.max(0.0),
+            };
+            let mut term = if self.does(Planted::NoDiffuse) { DVec3::ZERO } else { intensity * kd * cosine };
+            let may_shine = n_dot_l > 0.0 || self.does(Planted::EvenPower);
+            if self.stage >= Stage::Specular && may_shine && !self.does(Planted::NoSpecular) {
+                let cosine = if self.does(Planted::Blinn) { n.dot((l + v).normalize()) } else { r.dot(l) };
+                let exponent = f64::from(m.n)
+                    * match self.planted {
+                        Some(Planted::ExponentDoubled) => 2.0,
+                        Some(Planted::ExponentHalved) => 0.5,
+                        Some(Planted::NoExponent) => 1.0 / f64::from(m.n),
+                        _ => 1.0,
+                    };
+                let cosine = if self.does(Planted::EvenPower) { cosine } else { cosine.max(0.0) };
+                let ks = if self.does(Planted::HighlightTimesKd) { color(m.ks) * kd } else { color(m.ks) };
+                term += intensity * ks * cosine.powf(exponent);
+            }
+            let looked_for = n_dot_l > 0.0 || !matches!(self.planted, Some(Planted::NoMax | Planted::AbsoluteValue));
+            let mut f_s = 1.0;
+            if self.stage >= Stage::Shadow && !self.does(Planted::NoShadows) && looked_for {
+                f_s = self.passed(p, n, *position);
+            }
+            lit += term * f_s;
+            if self.does(Planted::ShadowTakesAll) {
+                ambient *= f_s;
+            }
+        }
+        let own = ambient + lit;
+        let mut sum = own;
+        let deepest = if self.does(Planted::DepthTwo) { 2 } else { self.scene.integrator.max_depth() };
+        if depth >= deepest {
+            return sum;
+        }
+        let off = 1e-6;
+        if self.stage >= Stage::Reflection && !m.k.is_black() && !self.does(Planted::NoReflection) {
+            let direction = match self.planted {
+                Some(Planted::ReflectsOn) => (2.0 * n.dot(v) * n + v).normalize(),
+                Some(Planted::ReflectsInwards) => v - 2.0 * n.dot(v) * n,
+                Some(Planted::ReflectsLight) => {
+                    let l = (self.lights[0][0] - p).normalize();
+                    2.0 * n.dot(l) * n - l
+                }
+                _ => mirrored,
+            };
+            let k = if self.does(Planted::NoK) { DVec3::ONE } else { color(m.k) };
+            let seen = self.trace(p + direction * off, direction, depth + 1);
+            sum = if self.does(Planted::OneMinusK) { own * (1.0 - k) } else { sum } + k * seen;
+        }
+        if self.stage >= Stage::Full && m.opacity < 1.0 && !self.does(Planted::NoRefraction) {
+            let (eta, o) = (f64::from(m.eta), f64::from(m.opacity));
+            let (from, into) = if entering || self.does(Planted::EtaOneWay) { (1.0, eta) } else { (eta, 1.0) };
+            let ratio = match self.planted {
+                Some(Planted::EtaUpsideDown) => into / from,
+                Some(Planted::StraightOn) => 1.0,
+                _ => from / into,
+            };
+            let sine = ratio * (1.0 - n.dot(v).powi(2)).max(0.0).sqrt();
+            let direction = if sine < 1.0 {
+                let tangent = (n.dot(v) * n - v).normalize_or_zero();
+                sine * tangent - (1.0 - sine * sine).sqrt() * n
+            } else {
+                mirrored
+            };
+            let seen = match self.planted {
+                Some(Planted::TotalIsBlack) if sine >= 1.0 => DVec3::ZERO,
+                _ => self.trace(p + direction * off, direction, depth + 1),
+            };
+            let share = match self.planted {
+                Some(Planted::NoTransparency) => 1.0,
+                Some(Planted::OpacityAsTransparency) => o,
+                _ => 1.0 - o,
+            };
+            sum = if self.does(Planted::OpacityBlend) { sum * o } else { sum } + share * seen;
+        }
+        sum
+    }
+
+    /// f_s of the light at a position.
+    fn passed(&self, p: DVec3, n: DVec3, light: DVec3) -> f64 {
+        let mut start = p + n * 1e-6;
+        if self.does(Planted::Acne) {
+            // Programs with floats start at the rounded point.
+            start = p.as_vec3().as_dvec3();
+        }
+        let way = light - start;
+        let mut passed = 1.0;
+        for (shape, material) in &self.objects {
+            for (t, _) in crossings(shape, start, way) {
+                if t > 0.0 && (t < 1.0 || self.does(Planted::BeyondLight)) {
+                    let opacity = if self.does(Planted::GlassBlocks) { 1.0 } else { f64::from(material.opacity) };
+                    passed *= 1.0 - opacity;
+                }
+            }
+        }
+        passed
+    }
+
+    fn nearest(&self, o: DVec3, d: DVec3) -> Option<Found> {
+        let mut best: Option<Found> = None;
+        for (shape, material) in &self.objects {
+            let mut own: Option<(f64, DVec3)> = None;
+            for (t, n) in crossings(shape, o, d).into_iter().filter(|(t, _)| *t > 0.0) {
+                let farther = self.does(Planted::FarthestWins);
+                if own.is_none_or(|(other, _)| if farther { t > other } else { t < other }) {
+                    own = Some((t, n));
+                }
+            }
+            let Some((t, n)) = own else { continue };
+            let wins = match (&best, self.planted) {
+                (None, _) | (_, Some(Planted::LastObjectWins)) => true,
+                (Some(best), Some(Planted::FarthestWins)) => t > best.t,
+                (Some(best), _) => t < best.t,
+            };
+            if wins {
+                best = Some(Found { t, p: o + d * t, n, material: *material });
+            }
+        }
+        best
+    }
+}
+
+fn color(c: canaletto::math::Rgb) -> DVec3 {
+    DVec3::from(c.to_array().map(f64::from))
+}
+
+fn srgb(v: f64) -> f64 {
+    if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The parameters at which a line crosses a shape, with the outward normals there.
+fn crossings(shape: &Shape, o: DVec3, d: DVec3) -> Vec<(f64, DVec3)> {
+    match shape {
+        Shape::Sphere(sphere) => {
+            let (center, radius) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
+            let from = o - center;
+            let half_b = d.dot(from);
+            let root = half_b * half_b - d.dot(d) * (from.dot(from) - radius * radius);
+            if root < 0.0 {
+                return Vec::new();
+            }
+            let at = |t: f64| (t, (from + d * t) / radius);
+            vec![at((-half_b - root.sqrt()) / d.dot(d)), at((-half_b + root.sqrt()) / d.dot(d))]
+        }
+        Shape::Box(b) => {
+            let (mut near, mut far) = ((f64::NEG_INFINITY, DVec3::ZERO), (f64::INFINITY, DVec3::ZERO));
+            for axis in 0..3 {
+                let normal = |side: f64| DVec3::AXES[axis] * side;
+                let at = |bound: f32| (f64::from(bound) - o[axis]) / d[axis];
+                let (mut low, mut high) = ((at(b.min[axis]), normal(-1.0)), (at(b.max[axis]), normal(1.0)));
+                if low.0 > high.0 {
+                    std::mem::swap(&mut low, &mut high);
+                }
+                if low.0 > near.0 {
+                    near = low;
+                }
+                if high.0 < far.0 {
+                    far = high;
+                }
+            }
+            if near.0 <= far.0 { vec![near, far] } else { Vec::new() }
+        }
+        other => panic!("the student doesn't know {other:?}"),
+    }
+}
