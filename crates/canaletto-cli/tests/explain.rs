@@ -343,7 +343,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 32] = [
+const EXPLAINED: [&str; 35] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -376,6 +376,9 @@ const EXPLAINED: [&str; 32] = [
     "field.kdl -p 12,16",
     "field.kdl -p 2,0",
     "field.kdl --ray 0,3,6,0,-3,-3 --steps",
+    "field.kdl --ray 0,3,6,0,-3,-3 --diff-seed 3 --diff-frame 2",
+    "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
+    "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
 ];
 
 /// Fields that only trees of very many patches, places, sources or objects have, or lights behind a bent normal.
@@ -405,7 +408,11 @@ fn json_has_the_schema_of_the_docs() {
     for arguments in EXPLAINED {
         let arguments = arguments.replace("ROOT", root().to_str().unwrap());
         let value: Value = serde_json::from_str(&explained(folder.path(), &format!("{arguments} --json"))).unwrap();
-        let kind = if value.get("ray").is_some() { "rayTree" } else { "pixelTree" };
+        let kind = match &value {
+            _ if value.get("compared").is_some() => "difference",
+            _ if value.get("ray").is_some() => "rayTree",
+            _ => "pixelTree",
+        };
         schema
             .check(&schema.definitions[kind], &value, kind, &mut seen)
             .unwrap_or_else(|problem| panic!("{arguments}: {problem}"));

@@ -94,9 +94,19 @@ fn write_light(w: &mut TextWriter, light: &LightNode, indent: &str) {
     );
 }
 
+/// Whether n·L isn't positive.
+fn has_back_turned(light: &LightNode) -> bool {
+    light.n_dot_l.is_nan() || light.n_dot_l <= 0.0
+}
+
+/// Whether a light is behind the surface or its shading normal.
+pub(super) fn is_behind(light: &LightNode) -> bool {
+    has_back_turned(light) || light.behind
+}
+
 /// The reason why no light of a point arrives, besides shadows.
 fn dark(light: &LightNode) -> Option<&'static str> {
-    if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 {
+    if has_back_turned(light) {
         return Some("the light is behind the surface: n.L <= 0");
     }
     if light.behind {
@@ -107,7 +117,7 @@ fn dark(light: &LightNode) -> Option<&'static str> {
 
 fn write_light_in_a_line(w: &mut TextWriter, light: &LightNode, indent: &str) {
     let how = match dark(light) {
-        Some(_) if light.n_dot_l.is_nan() || light.n_dot_l <= 0.0 || light.behind => "behind the surface".to_owned(),
+        Some(_) if is_behind(light) => "behind the surface".to_owned(),
         Some(_) => "outside the cone or beam".to_owned(),
         None => {
             let names: Vec<&str> = light.blockers.iter().map(|blocker| blocker.object.as_str()).collect();

@@ -4,6 +4,7 @@
 //! the recorded terms and returns the pixel bit for bit.
 
 mod developed;
+mod difference;
 mod environment_text;
 mod intersection;
 mod light_text;
@@ -26,6 +27,7 @@ mod tree_svg;
 mod tried_objects;
 
 pub use developed::{DevelopedNode, DevelopedValues};
+pub use difference::{TermDifference, TermValue, TreeDifference};
 pub use intersection::{Intersection, TriedObject};
 pub use patch::{
     CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, RadiosityTerms, SourceKind,

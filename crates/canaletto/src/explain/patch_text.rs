@@ -10,19 +10,29 @@ use crate::integrator::ShownLight;
 use glam::DVec3;
 
 /// The names of the parts of light.
-const PARTS: [&str; 3] = ["direct light", "light from emitting surfaces", "indirect light"];
+pub(super) const PARTS: [&str; 3] = ["direct light", "light from emitting surfaces", "indirect light"];
+
+/// The index of the first part that is shown; those after it are shown, too.
+fn first_part(shown: ShownLight) -> usize {
+    match shown {
+        ShownLight::Indirect => 2,
+        ShownLight::FromSurfaces => 1,
+        ShownLight::All => 0,
+    }
+}
+
+/// The parts of light that are shown.
+pub(super) fn shown_parts(shown: ShownLight) -> String {
+    PARTS[first_part(shown)..].join(" + ")
+}
 
 /// The most sources of light that are written if the text is folded.
 const MOST_SOURCES: usize = 6;
 
 /// Writes how the light at a hit is made of that of a patch, or of its centre and vertices.
 pub(super) fn write_radiosity(w: &mut TextWriter, node: &RadiosityNode, indent: &str) {
-    let first = match node.shown {
-        ShownLight::Indirect => 2,
-        ShownLight::FromSurfaces => 1,
-        ShownLight::All => 0,
-    };
-    let what = PARTS[first..].join(" + ");
+    let first = first_part(node.shown);
+    let what = shown_parts(node.shown);
     let how = if node.is_interpolated {
         "interpolated between the patch's centre and two vertices"
     } else {

@@ -1,0 +1,110 @@
+//! What is explained: a scene that is ready, and the tree of a pixel or of a ray in it.
+
+use super::ExplainFlags;
+use crate::exit::Exit;
+use crate::failure::{Failure, print_diagnostics};
+use crate::settings::Settings;
+use crate::solutions::{SolutionFlags, Solutions, fingerprint};
+use crate::source::{Reader, build, seen_through};
+use canaletto::explain::{Explainer, PixelTree, RayTree, TextStyle};
+use canaletto::integrator::radiosity::RadiositySolution;
+use canaletto::math::Rgb;
+use canaletto::render::Job;
+use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
+use canaletto::world::World;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// What is explained.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub(super) enum Explained {
+    Pixel(Box<PixelTree>),
+    Ray(Box<RayTree>),
+}
+
+impl Explained {
+    pub(super) fn sum(&self) -> Rgb {
+        match self {
+            Explained::Pixel(tree) => tree.sum(),
+            Explained::Ray(tree) => tree.ray.sum(),
+        }
+    }
+
+    pub(super) fn svg(&self, levels: Option<u32>) -> String {
+        match self {
+            Explained::Pixel(tree) => tree.svg(levels),
+            Explained::Ray(tree) => tree.svg(levels),
+        }
+    }
+
+    pub(super) fn text(&self, style: &TextStyle) -> String {
+        match self {
+            Explained::Pixel(tree) => tree.text(style),
+            Explained::Ray(tree) => tree.text(style),
+        }
+    }
+}
+
+/// A scene whose pixels and rays can be explained.
+pub(super) struct Subject<'a> {
+    flags: &'a ExplainFlags,
+    /// The scene's file as the user wrote it.
+    pub(super) name: String,
+    world: World,
+    job: Job,
+    solution: Option<Arc<RadiositySolution>>,
+}
+
+impl<'a> Subject<'a> {
+    /// Reads and builds the scene.
+    pub(super) fn open(flags: &'a ExplainFlags) -> Result<Subject<'a>, Failure> {
+        let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
+        let mut source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
+        print_diagnostics(&source.warnings, false);
+        if flags.ray.is_some() && source.scene.views.is_empty() {
+            // A ray has no camera, but a job has one.
+            source.scene.views.push(View {
+                name: "none".into(),
+                intrinsics: Intrinsics::default(),
+                extrinsics: Extrinsics::default(),
+                motion: Vec::new(),
+            });
+        }
+        let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+        let solution = SolutionFlags::from(&flags.solution);
+        solution.check_integrator(&source.name, &settings.job.integrator)?;
+        let mut solutions = Solutions::new(&solution, false)?;
+        let fingerprint = fingerprint(&source.scene, &settings.job).filter(|_| solution.given().is_some());
+        let options = seen_through(&settings.camera, &source.scene, flags.source.build_options(0));
+        let (world, _) = build(&source.name, source.scene, &options, None)?;
+        let job = Job { frame: source.frame, ..settings.job };
+        let given = match (&fingerprint, &job.integrator) {
+            (Some(fingerprint), Integrator::Radiosity(settings)) => {
+                let found = solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())?;
+                Some(found.ok_or(Failure::Reported(Exit::Interrupted))?.0)
+            }
+            _ => None,
+        };
+        Ok(Subject { flags, name: source.name, world, job, solution: given })
+    }
+
+    /// The tree of the ray that the flags give, or else of the pixel. `flag` is where the pixel is from.
+    pub(super) fn explained(&self, pixel: Option<[u32; 2]>, flag: &str, has_steps: bool) -> Result<Explained, Failure> {
+        let mut explainer = Explainer::new(&self.world, &self.job).with_steps(has_steps);
+        if let Some(solution) = &self.solution {
+            explainer = explainer.with_solution(solution);
+        }
+        if let Some([ox, oy, oz, dx, dy, dz]) = self.flags.ray {
+            let ray = explainer.ray([ox, oy, oz], [dx, dy, dz]);
+            let ray = ray.map_err(|e| Failure::usage(format!("--ray: {e}")))?;
+            return Ok(Explained::Ray(Box::new(ray)));
+        }
+        let [x, y] = pixel.unwrap_or_default();
+        let [_, height] = self.job.camera.size();
+        // A row outside the picture is not mirrored, so that the message shows the user's own number.
+        let row = if self.flags.y_up && y < height { height - 1 - y } else { y };
+        let pixel = explainer.pixel(x, row).map_err(|e| Failure::usage(format!("{flag}: {e}")))?;
+        Ok(Explained::Pixel(Box::new(pixel)))
+    }
+}
