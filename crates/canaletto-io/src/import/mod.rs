@@ -33,7 +33,7 @@ pub use formats::{FORMATS, Holds, ModelFormat};
 pub use model::Model;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;
-pub(crate) use staging::default_camera;
+pub(crate) use staging::{DEFAULT_SAMPLING, default_camera};
 
 use crate::assets::{AssetPath, Assets, OpenAsset, reason};
 use crate::content::View;

@@ -10,7 +10,7 @@ pub(super) use fit_camera::fit_camera;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::{Content, FilmSettings, Fragment, Intrinsics, Node, Sampling, Scene, View};
+use canaletto::scene::{Content, FilmSettings, Fragment, Intrinsics, Node, SamplePattern, Sampling, Scene, View};
 use canaletto::shape::{Disk, Mesh, Plane, Shape};
 use glam::DVec3;
 
@@ -25,6 +25,9 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
     lens: None,
     shutter: [0.0; 2],
 };
+
+/// The sampling of scenes and models that say nothing of it: smooth edges at the cost of few rays.
+pub(crate) const DEFAULT_SAMPLING: Sampling = Sampling::Adaptive { n: 3, threshold: SamplePattern::DEFAULT_THRESHOLD };
 
 /// The view of a scene without a camera, from where models are seen. It frames the boxes of all nodes. `None` if
 /// nothing has bounds, or if they are too large to place a camera.
@@ -43,7 +46,7 @@ pub(super) fn stage(model: Fragment) -> Option<Scene> {
     let is_lit = model.environment.is_some() || has_light(&model);
     let mut scene = Scene::default();
     scene.append(model);
-    scene.film = FilmSettings { sampling: Sampling::Adaptive { n: 3, threshold: 0.1 }, ..FilmSettings::default() };
+    scene.film = FilmSettings { sampling: DEFAULT_SAMPLING, ..FilmSettings::default() };
     let clay = Phong { kd: Rgb::new(0.62, 0.58, 0.53), ks: Rgb::gray(0.12), n: 25.0, ..Phong::default() };
     let clay = add(&mut scene.materials, Material::new("clay", clay));
     for node in scene.nodes.iter_mut().filter(|node| node.material.is_none()) {

@@ -13,14 +13,16 @@ use super::arithmetic::REPEAT;
 use super::file_cache::FrameCache;
 use super::files::Files;
 use super::model_settings::is_described;
-use super::nodes::{self, GROUP, Images, LIGHT, MATERIAL_NODE, MeshCache, PROTOTYPE};
+use super::nodes::{self, GROUP, INTEGRATOR, Images, LIGHT, MATERIAL_NODE, MeshCache, PROTOTYPE};
 use super::report::{Message, Report};
 use super::syntax::{self, Node};
 use super::validate::Validator;
 use crate::assets::Assets;
+use crate::import::DEFAULT_SAMPLING;
+use canaletto::Named;
 use canaletto::material::{Material, Target};
 use canaletto::math::Rgb;
-use canaletto::scene::{self, Content, Scene, Stage, View};
+use canaletto::scene::{self, Content, Integrator, Sampling, Scene, Stage, View};
 use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
@@ -44,6 +46,7 @@ pub(crate) fn decode(
     decoder.scene.prototypes = vec![scene::Node::new(Content::Group(Vec::new())); decoder.names.slots()];
     decoder.textures(nodes);
     decoder.materials(nodes);
+    decoder.scene.film.sampling = default_sampling(nodes);
     decoder.settings(nodes);
     let objects = || nodes.iter().filter(|node| nodes::is_object(&node.name));
     let count = |node: &Node| node.packed.map_or(1, |packed| usize::from(packed.get()));
@@ -63,6 +66,16 @@ pub(crate) fn decode(
         decoder.warn(nodes);
     }
     (decoder.valid.then_some(decoder.scene), decoder.validator.report)
+}
+
+/// The sampling of a scene that says nothing of it. The samples of a z-buffer have equal places in all pixels.
+fn default_sampling(nodes: &[Node]) -> Sampling {
+    let integrator = nodes.iter().rev().find(|node| *node.name == *INTEGRATOR.name);
+    let kind = integrator.and_then(|node| node.values.first()?.as_text());
+    match (kind.and_then(Integrator::from_name), DEFAULT_SAMPLING) {
+        (Some(Integrator::Zbuffer(_)), Sampling::Adaptive { n, .. }) => Sampling::Regular(n),
+        (_, sampling) => sampling,
+    }
 }
 
 /// The cameras of these nodes, as far as they are valid; mistakes in them are not reported.

@@ -1,6 +1,7 @@
 //! The node of the film: where in a pixel rays go, how they become a pixel, and how the picture is developed.
 
 use super::change;
+use crate::import::DEFAULT_SAMPLING;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
@@ -15,10 +16,10 @@ const PLACE: Field<SamplePattern> = Field::word(
      at a random place of its cell; or only where corners and centre differ",
 )
 .needed()
-.or(|| Sampling::default().pattern().map_or_else(String::new, |pattern| quoted(pattern.name())));
+.or(|| DEFAULT_SAMPLING.pattern().map_or_else(String::new, |pattern| quoted(pattern.name())));
 const N: Field<u32> = Field::new(
     "n",
-    "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16)",
+    "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16); without a sample node 3",
 )
 .or(|| SamplePattern::DEFAULT_GRID.to_string());
 const THRESHOLD: Field<f32> =
