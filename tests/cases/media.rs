@@ -5,6 +5,7 @@ use canaletto::explain::{Outcome, explain};
 use canaletto::integrator::RayKind;
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
+use canaletto::scene::Sampling;
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene;
@@ -28,7 +29,12 @@ impl Case {
             Ok((scene, _)) => scene,
             Err(errors) => panic!("{errors}\n{text}"),
         };
-        let job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+        let mut film = scene.film;
+        // Texts that say nothing of samples mean one ray through the pixel's centre.
+        if let Sampling::Adaptive { .. } = film.sampling {
+            film.sampling = Sampling::Center;
+        }
+        let job = Job::new(Camera::of(&scene.views[0]).unwrap(), film, scene.integrator);
         Case { world: World::build(scene).unwrap(), job }
     }
 

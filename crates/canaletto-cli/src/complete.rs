@@ -8,13 +8,18 @@ use canaletto_io::picture::{SOFTWARE, announced_size, channel_names, decode};
 use std::fs;
 use std::path::Path;
 
+/// The entry of a layer's file for the curve of the picture. `transfer` is the curve of the file's own numbers there.
+pub(crate) const PICTURE_TRANSFER: &str = "picture-transfer";
+
 /// The text entries of a frame's picture, or of a layer in a file of its own. The mapping of a layer to colours adds
-/// its curve.
+/// its curve. The picture's curve decides where adaptive sampling refines, and so changes its layers, too.
 pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>) -> Vec<(String, String)> {
     let mut texts = settings.to_vec();
     texts.push(("frame".into(), job.frame.to_string()));
     if let Some(aov) = layer {
-        texts.retain(|(key, _)| key != "transfer");
+        for (key, _) in texts.iter_mut().filter(|(key, _)| key == "transfer") {
+            PICTURE_TRANSFER.clone_into(key);
+        }
         texts.push(("layer".into(), aov.name().into()));
     }
     texts

@@ -32,6 +32,14 @@ impl Folder {
         folder
     }
 
+    /// A folder whose scene has one ray for each pixel. Adaptive sampling compares developed colours, so that its rays
+    /// depend on the transfer curve and on the background.
+    fn with_one_ray() -> Folder {
+        let folder = Folder::new();
+        folder.write("s.kdl", &format!("film {{ sample \"center\" }}\n{SCENE}"));
+        folder
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
@@ -99,7 +107,17 @@ fn rgb(picture: &Decoded, index: usize) -> [f32; 3] {
 fn a_picture_beside_its_report() {
     let folder = Folder::new();
     let ran = folder.run("render s.kdl");
-    ran.says(0, &["s.png: 24 x 16 pixels, 1 ray per pixel", "eye", "reflected", "refracted", "shadow", "3 primitives"]);
+    ran.says(
+        0,
+        &[
+            "s.png: 24 x 16 pixels, 2 rays per pixel, 9 jittered",
+            "eye",
+            "reflected",
+            "refracted",
+            "shadow",
+            "3 primitives",
+        ],
+    );
     assert_eq!(ran.out(), "");
     assert_eq!(folder.names(), ["s.png"]);
     let picture = folder.picture("s.png");
@@ -397,7 +415,7 @@ fn a_crop_is_a_part_of_the_whole() {
 
 #[test]
 fn flags_change_the_scene() {
-    let folder = Folder::new();
+    let folder = Folder::with_one_ray();
     let render = |name: &str, flags: &str| {
         folder.run(&format!("render s.kdl -q -o {name}.exr {flags}")).says(0, &[]);
         folder.picture(&format!("{name}.exr")).image
@@ -414,7 +432,7 @@ fn flags_change_the_scene() {
 
 #[test]
 fn compare_measures() {
-    let folder = Folder::new();
+    let folder = Folder::with_one_ray();
     folder.run("render s.kdl -q -o a.png").says(0, &[]);
     folder.run("render s.kdl -q -o a.exr").says(0, &[]);
     folder.run("render s.kdl -q -o b.png --no-shadows").says(0, &[]);
@@ -440,7 +458,7 @@ fn compare_measures() {
 
 #[test]
 fn light_that_is_seen_alike_is_not_equal() {
-    let folder = Folder::new();
+    let folder = Folder::with_one_ray();
     // Both skies are white in a picture; in linear light one has twice the radiance of the other.
     for (name, sky) in [("a", "4"), ("b", "8")] {
         folder.run(&format!("render s.kdl -q -o {name}.exr --aov depth --set background={sky}")).says(0, &[]);

@@ -1,5 +1,6 @@
 //! The command that makes a picture again, from the settings in its file.
 
+use crate::complete::PICTURE_TRANSFER;
 use canaletto::Named;
 use canaletto::render::Aov;
 use canaletto::scene::{Integrator, SamplePattern};
@@ -32,7 +33,7 @@ impl Recipe {
         flags.with("--sampler", text("sampler"));
         flags.with("--seed", text("seed").filter(|seed| *seed != "0"));
         flags.with("--tone", text("tone"));
-        flags.with("--transfer", text("transfer"));
+        flags.with("--transfer", text(PICTURE_TRANSFER).or(text("transfer")));
         flags.with("--integrator", text("integrator"));
         if text("integrator").and_then(Integrator::from_name).is_some_and(|own| own.whitted().is_some()) {
             flags.with("--stage", text("stage"));
