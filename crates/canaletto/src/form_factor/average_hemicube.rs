@@ -174,10 +174,9 @@ impl<'a> Average<'a> {
             let settings = HemicubeSettings { turn: turn * FRAC_PI_2, seed, ..*settings };
             for sign in normals {
                 let place = [point.surface.exact, point.surface.normal * *sign];
-                let ControlFlow::Continue(seen) = draw(self.world, place, &settings, delta, cancelled) else {
-                    return None;
-                };
                 let (to, side) = self.to;
+                let drawn = draw(self.world, place, Some(to), &settings, delta, cancelled);
+                let ControlFlow::Continue(seen) = drawn else { return None };
                 let arrives = |is_front: bool| side == Side::Both || (side == Side::Front) == is_front;
                 let factors = seen.primitives.iter().filter(|p| arrives(p.is_front) && to.ids().contains(p.object));
                 sums.factors[k] += point.weight * factors.map(|p| p.factor).sum::<f64>() / normals.len() as f64;

@@ -52,6 +52,12 @@ fn a_screen_takes_its_light() {
     let mut scene = squares();
     rectangle(&mut scene, "middle", [0.25, 0.25, 0.5], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0]);
     close(average(&scene, ["floor", "ceiling"], FRONTS, 128), 0.099_506, 2e-3);
+    // Without a shadow the screen takes none, but still receives its own light: C-11 for half a square, from afar.
+    let received = average(&scene, ["floor", "middle"], [Side::Front, Side::Back], 128).value;
+    scene.nodes.last_mut().unwrap().casts_shadow = false;
+    close(average(&scene, ["floor", "ceiling"], FRONTS, 64), 0.199_824_895_698, 5e-3);
+    let unchanged = average(&scene, ["floor", "middle"], [Side::Front, Side::Back], 128).value;
+    assert!(received > 0.1 && received.to_bits() == unchanged.to_bits(), "{received} {unchanged}");
 }
 
 /// Curved senders and receivers: disks (Howell's catalogue, C-41), and the inner side of a box around a ball.

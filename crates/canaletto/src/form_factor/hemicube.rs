@@ -6,7 +6,7 @@
 
 use super::delta_factors::DeltaFactors;
 use crate::integrator::{Item, ItemView};
-use crate::world::{Hit, World};
+use crate::world::{Hit, ObjectSurface, World};
 use canaletto_bvh::{NoThreads, with_stack};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -80,9 +80,9 @@ impl HemicubeFormFactors {
 /// The form factors from a differential patch to all that it sees. `point` is in the world's coordinates, and `normal`
 /// has the length 1. The factors and the sky sum to 1, up to rounding.
 ///
-/// All surfaces are opaque, but holes are open: a surface of partial coverage takes this share of the pixels. What lies
-/// in the patch's own plane is not seen. The world is as it is when the shutter opens. An object that covers few pixels
-/// has a factor with a large relative error, and one that covers no pixel's centre has none.
+/// All surfaces are opaque, but holes are open: a surface of partial coverage takes this share of the pixels. What casts
+/// no shadow and what lies in the patch's own plane is not seen. The world is as it is when the shutter opens. An object
+/// that covers few pixels has a factor with a large relative error, and one that covers no pixel's centre has none.
 ///
 /// # Errors
 /// [`NoThreads`] if threads with a larger stack are needed and can't be started.
@@ -93,16 +93,18 @@ pub fn hemicube(
     settings: &HemicubeSettings,
 ) -> Result<HemicubeFormFactors, NoThreads> {
     let delta = DeltaFactors::new(settings.side());
-    with_stack(super::sampled::stack(world), || match draw(world, [point, normal], settings, &delta, &|| false) {
+    with_stack(super::sampled::stack(world), || match draw(world, [point, normal], None, settings, &delta, &|| false) {
         ControlFlow::Continue(factors) => factors,
         ControlFlow::Break(()) => unreachable!("nothing cancels it"),
     })
 }
 
-/// [`hemicube`] with the delta form factors of its resolution. Breaks if cancelled.
+/// [`hemicube`] with the delta form factors of its resolution. The receiver is seen, too, if it casts no shadow. Breaks
+/// if cancelled.
 pub(super) fn draw(
     world: &World,
     [point, normal]: [DVec3; 2],
+    receiver: Option<&ObjectSurface>,
     settings: &HemicubeSettings,
     delta: &DeltaFactors,
     cancelled: &(dyn Fn() -> bool + Sync),
@@ -119,6 +121,7 @@ pub(super) fn draw(
             normal,
             axes: [forward.cross(up), up, forward],
             side: settings.side(),
+            receiver,
             is_upper_half: !is_top,
             tolerance: settings.tolerance,
             seed: settings.seed.wrapping_mul(5).wrapping_add(face as u64),

@@ -109,7 +109,8 @@ pub struct SampledFormFactor {
 /// at the standard error that the settings name, at their number of rays, or when `progress` breaks.
 ///
 /// All surfaces are opaque, those of clear bodies too, but holes are open: a surface of partial coverage stops this
-/// share of the rays. The world is as it is when the shutter opens.
+/// share of the rays. What casts no shadow stops none, but receives light. The world is as it is when the shutter
+/// opens.
 ///
 /// # Panics
 /// If `from` has no area.
@@ -331,7 +332,9 @@ impl Sampling<'_> {
                 if to.ids().contains(object) && side.faces(surface.normal, line.direction) {
                     return blocker.map_or(Fate::Arrived, Fate::Blocked);
                 }
-                blocker.get_or_insert(object);
+                if world.casts_shadow(hit.instance, hit.primitive) {
+                    blocker.get_or_insert(object);
+                }
             }
             let start = ray.origin;
             ray.origin = offset_origin(surface.point, surface.error, surface.normal, line.direction);

@@ -191,6 +191,11 @@ fn a_small_square_hides_a_part() {
     assert!((blocked - (open - exact)).abs() < 5e-4, "{blocked}");
     // Through a material of partial coverage passes the rest.
     check("a quarter covered", &with_middle_square(0.25), FRONTS, 2e-4, open - 0.25 * (open - exact));
+    // What casts no shadow stops nothing, as in the hemicubes' tests.
+    let mut shadowless = with_middle_square(1.0);
+    shadowless.nodes.last_mut().unwrap().casts_shadow = false;
+    let result = check("without a shadow", &shadowless, FRONTS, 2e-4, open);
+    assert!(result.blocked.is_empty(), "{:?}", result.blocked);
 }
 
 /// What is left of A with partial coverage has a smaller area, and sees what A sees.

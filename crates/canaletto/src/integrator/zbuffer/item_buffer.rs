@@ -8,7 +8,7 @@ use super::raster::{NOTHING, ScreenTriangle, Source};
 use super::unshaded_view::{DrawnTile, UnshadedView};
 use crate::sampler::Sampler;
 use crate::shape::Shape;
-use crate::world::World;
+use crate::world::{Hit, ObjectSurface, World};
 use canaletto_bvh::Aabb;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -38,12 +38,14 @@ pub(crate) struct Item {
 
 /// A view from a point of a surface with a half angle of 45°.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ItemView {
+pub(crate) struct ItemView<'a> {
     pub(crate) point: DVec3,
     /// The surface's unit normal. What lies in its tangent plane isn't seen.
     pub(crate) normal: DVec3,
     /// The unit directions to the right, upwards and forward.
     pub(crate) axes: [DVec3; 3],
+    /// What is seen although it may cast no shadow. Nothing else without a shadow is seen.
+    pub(crate) receiver: Option<&'a ObjectSurface>,
     /// The pixels along an edge of the whole square, an even number.
     pub(crate) side: u32,
     /// Whether only the upper half of the square is drawn.
@@ -54,7 +56,7 @@ pub(crate) struct ItemView {
     pub(crate) seed: u64,
 }
 
-impl ItemView {
+impl ItemView<'_> {
     /// The sums over pixels of a weight, which is given for column and row from the lower left corner of what is drawn:
     /// for each item that is seen there, and for no item. Breaks if cancelled.
     pub(crate) fn sums(
@@ -87,7 +89,7 @@ impl ItemView {
             compares_curves: true,
             with_unbounded: true,
             is_drawn: |_| true,
-            is_seen: &|triangle| !self.is_in_tangent_plane(triangle),
+            is_seen: &|triangle| self.stops_light(world, triangle.source) && !self.is_in_tangent_plane(triangle),
             least_coverage: &is_there,
         };
         let tiles = view.draw(cancelled, |tile| self.sums_of(tile, below, weight))?;
@@ -96,6 +98,13 @@ impl ItemView {
             *sums.entry(item).or_insert(0.0) += sum;
         }
         ControlFlow::Continue(sums)
+    }
+
+    /// Whether the primitive of a triangle casts a shadow, or belongs to the receiver.
+    fn stops_light(&self, world: &World, Source { instance, primitive, .. }: Source) -> bool {
+        let hit = Hit { t: 0.0, instance, primitive, part: 0, uv: [0.0; 2], time: 0.0 };
+        world.casts_shadow(instance, primitive)
+            || self.receiver.is_some_and(|receiver| receiver.ids().contains(world.object_id(&hit)))
     }
 
     /// Whether a triangle lies in the plane through the point across the normal. Rounding may lift it a little.
