@@ -84,10 +84,13 @@ impl Displacements {
         };
         let mesh = base.raised(detail, limit, &height).map_err(|problem| match problem {
             DisplaceError::TooMany => format!(
-                "its displacement needs more than {limit} triangles (the scene may have {} displaced ones); a smaller detail than {detail} makes fewer",
+                "its displacement needs more than {limit} triangles (the scene may have {} displaced ones); a smaller \
+                 detail than {detail} makes fewer",
                 World::MAX_DISPLACED
             ),
-            DisplaceError::TooFar => format!("its displacement reaches beyond ±{:e}, the largest coordinate possible", f32::MAX),
+            DisplaceError::TooFar => {
+                format!("its displacement reaches beyond ±{:e}, the largest coordinate possible", f32::MAX)
+            }
         })?;
         self.made += mesh.len();
         Ok(mesh)

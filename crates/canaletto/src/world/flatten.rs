@@ -1,7 +1,7 @@
 //! Flattening of the tree of nodes. Groups and most prototypes are dissolved, shapes are transformed, and the rest is
 //! placed as instances.
 
-use super::build::{hierarchy_error, out_of_range_message};
+use super::build::out_of_range_message;
 use super::displacement::Displacements;
 use super::geometry::Geometry;
 use super::group::Group;
@@ -11,6 +11,7 @@ use super::light_meshes::LightMeshes;
 use super::motion::{MovingLight, TransformChain};
 use super::object_numbers::ObjectNumbers;
 use super::origin::{Exactly, FAR, Spans, away_from, origin_of, relative_to, rounded_visibly, shape_span};
+use super::part::{FinishedPart, Part, check_light};
 use super::required_spaces::RequiredSpaces;
 use super::reuse::{Previous, ReuseCounts};
 use super::{BuildError, Object, World};
@@ -44,41 +45,6 @@ impl Place {
     pub(super) fn from(origin: DVec3) -> Place {
         Place { transform: away_from(origin), exact: origin != DVec3::ZERO, ..Place::default() }
     }
-}
-
-/// The result of one walk: of the root, or of a prototype in its own space.
-#[derive(Clone, Default)]
-pub(super) struct Part {
-    object_numbers: ObjectNumbers,
-    shapes: PartShapes,
-    /// The shapes that cast no shadow.
-    shadowless_shapes: PartShapes,
-    instances: Vec<Instance>,
-    lights: Vec<Light>,
-    moving_lights: Vec<MovingLight>,
-    unbounded: Vec<Unbounded>,
-}
-
-/// Shapes of a part that become one geometry.
-#[derive(Clone, Default)]
-struct PartShapes {
-    shapes: Vec<Shape>,
-    /// The number of the first shape's object.
-    first_object: u64,
-    /// The numbers of the shapes' objects, counted from the first one.
-    objects: Vec<u32>,
-    materials: Vec<u32>,
-}
-
-/// A part whose single shapes have become instances.
-pub(super) struct FinishedPart {
-    pub(super) object_numbers: ObjectNumbers,
-    pub(super) instances: Vec<Instance>,
-    pub(super) lights: Vec<Light>,
-    pub(super) moving_lights: Vec<MovingLight>,
-    pub(super) unbounded: Vec<Unbounded>,
-    /// The origin of the part's coordinates.
-    origin: DVec3,
 }
 
 #[derive(Default)]
@@ -492,14 +458,6 @@ impl Builder {
         Ok(())
     }
 
-    fn light(&mut self, part: &mut Part, light: Light) -> Result<(), BuildError> {
-        check_light(&light, "after its transforms, ")?;
-        let points = light.points() as usize + self.light_meshes.count(&light);
-        self.count(1, points)?;
-        part.lights.push(light);
-        Ok(())
-    }
-
     /// The spaces that the textures of this material need. Inside of prototypes an instance may replace the material,
     /// so the union is returned there.
     pub(super) fn required_spaces(&self, material: u32) -> RequiredSpaces {
@@ -508,69 +466,6 @@ impl Builder {
         } else {
             self.union_of_required_spaces
         }
-    }
-
-    fn unbounded(&mut self, part: &mut Part, shape: Unbounded) -> Result<(), BuildError> {
-        self.count(2, 1)?;
-        part.unbounded.push(shape);
-        Ok(())
-    }
-
-    /// The number of instances that may still be placed.
-    pub(super) fn room(&self) -> usize {
-        World::MAX_INSTANCES.saturating_sub(self.placed[0])
-    }
-
-    pub(super) fn count_instances(&mut self, more: usize) -> Result<(), BuildError> {
-        self.count(0, more)
-    }
-
-    /// Counts what is placed before memory is allocated for it: 0 for instances, 1 for light points, 2 for shapes
-    /// without bounds.
-    fn count(&mut self, what: usize, more: usize) -> Result<(), BuildError> {
-        self.placed[what] = self.placed[what].saturating_add(more);
-        match what {
-            0 if self.placed[0] > World::MAX_INSTANCES => Err(BuildError::TooManyInstances),
-            1 if self.placed[1] > World::MAX_LIGHT_POINTS => Err(BuildError::TooManyLights),
-            2 if self.placed[2] > World::MAX_UNBOUNDED => Err(BuildError::TooManyPlanes),
-            _ => Ok(()),
-        }
-    }
-
-    /// Turns a part's single shapes into instances.
-    pub(super) fn finish_part(&mut self, part: Part) -> Result<FinishedPart, BuildError> {
-        let Part { object_numbers, shapes, shadowless_shapes, mut instances, lights, moving_lights, unbounded } = part;
-        for (list, casts_shadow) in [(shapes, true), (shadowless_shapes, false)] {
-            let PartShapes { shapes, first_object, objects, materials } = list;
-            if shapes.is_empty() {
-                continue;
-            }
-            let geometry = Geometry::shapes(shapes, objects, materials).map_err(|e| hierarchy_error("shapes", &e))?;
-            self.geometries.push(geometry);
-            self.owners.push(NONE);
-            let geometry = self.geometries.len() as u32 - 1;
-            instances.push(Instance { casts_shadow, ..Instance::of(geometry, first_object) });
-        }
-        Ok(FinishedPart { object_numbers, instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
-    }
-
-    /// Adds the geometry of the part's last object, with its own and its inherited material.
-    fn geometry_instance(
-        &mut self,
-        part: &mut Part,
-        geometry: u32,
-        [material, inherited]: [u32; 2],
-        to_world: Option<Transform>,
-        casts_shadow: bool,
-    ) -> Result<(), BuildError> {
-        let instance = Instance::of(geometry, part.object_numbers.last());
-        self.instance(part, Instance { material, inherited, to_world, casts_shadow, ..instance })
-    }
-
-    fn instance(&mut self, part: &mut Part, instance: Instance) -> Result<(), BuildError> {
-        self.count(0, 1)?;
-        part.instances.push(instance);
-        Ok(())
     }
 
     /// Registers an object as the next one of the part. Without a name of its own it has the name of the group around
@@ -594,13 +489,6 @@ impl Builder {
     pub(super) fn invalid(&self, object: u32, problem: impl std::fmt::Display) -> BuildError {
         BuildError::Invalid { object: self.objects[object as usize].name.clone(), problem: problem.to_string() }
     }
-}
-
-fn check_light(light: &Light, when: &str) -> Result<(), BuildError> {
-    light.check().map_err(|problem| BuildError::Invalid {
-        object: light.name.clone().map_or(format!("{} light", light.kind_name()), |n| format!("light \"{n}\"")),
-        problem: format!("{when}{problem}"),
-    })
 }
 
 pub(super) fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {

@@ -30,6 +30,7 @@ mod object_numbers;
 mod object_surface;
 mod origin;
 mod packet_bounds;
+mod part;
 mod placed;
 mod query;
 mod required_spaces;
