@@ -76,7 +76,8 @@ pub(crate) struct SourceFlags {
     pub allow_outside: bool,
 
     /// Sets the number of threads [default: one per processor]; changes no picture
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Scene")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024),
+        help_heading = "Scene")]
     pub threads: Option<u16>,
 
     /// Sets the quality of the acceleration structures (BVHs); changes no picture
@@ -138,7 +139,8 @@ pub(crate) struct PictureFlags {
     pub samples: Option<u32>,
 
     /// Sets where in the pixel the camera rays go, instead of where the sampler places them
-    #[arg(long, alias = "sample", value_name = "PATTERN", value_parser = named::<SamplePattern>(), help_heading = "Sampling")]
+    #[arg(long, alias = "sample", value_name = "PATTERN", value_parser = named::<SamplePattern>(),
+        help_heading = "Sampling")]
     pub pattern: Option<SamplePattern>,
 
     /// Sets by which numbers all sampling goes [default: the scene's, or sobol]
@@ -164,7 +166,8 @@ pub(crate) struct PictureFlags {
     pub stage: Option<Stage>,
 
     /// Sets the largest depth of reflected and refracted rays; camera rays have depth 1
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Light")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256),
+        help_heading = "Light")]
     pub max_depth: Option<u32>,
 
     /// Renders without shadows

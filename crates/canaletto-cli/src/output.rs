@@ -24,7 +24,8 @@ fn output_help() -> String {
     format!(
         "Sets the output file or folder [default: the scene's name with .png, in the current folder]\n\n\
          The extension selects the format: {}, or {} for a film in one file. `-` writes to the standard output. In a \
-         folder the picture has its default name. {{name}} stands for the scene's name. With --frames, #### stands for the frame's number; each # is a \
+         folder the picture has its default name. {{name}} stands for the scene's name. With --frames, #### stands \
+         for the frame's number; each # is a \
          digit.",
         Format::picture_extensions(),
         Format::film_extensions()

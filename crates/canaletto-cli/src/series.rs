@@ -435,7 +435,8 @@ impl<'a> Series<'a> {
         let of = plural(frames.count(), "frame");
         eprint_line(&match report {
             _ if format.film().is_some() => format!(
-                "{paint} {done} of {of} were rendered; {}. Numbered pictures (--output shot.####.png) can be gone on with",
+                "{paint} {done} of {of} were rendered; {}. Numbered pictures (--output shot.####.png) can be gone on \
+                 with",
                 match film_part {
                     Some(file) => format!("{file} has them"),
                     None => "nothing is written".to_owned(),

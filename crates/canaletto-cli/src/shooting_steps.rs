@@ -29,7 +29,8 @@ pub(crate) struct ShootingFlags {
     pub shooting_steps: Option<PathBuf>,
 
     /// Writes the pictures of --shooting-steps after every Nth step
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), requires = "shooting_steps", help_heading = "Radiosity")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
+        requires = "shooting_steps", help_heading = "Radiosity")]
     pub shooting_every: Option<u32>,
 }
 

@@ -258,7 +258,8 @@ pub(crate) fn build(
 fn advice(error: &BuildError) -> Option<&'static str> {
     Some(match error {
         BuildError::TooManyInstances | BuildError::TooManyCopies(_) => {
-            "instances of instances multiply; a cloud (spheres, cylinders) or a mesh holds many more things in less memory"
+            "instances of instances multiply; a cloud (spheres, cylinders) or a mesh holds many more things in less \
+             memory"
         }
         BuildError::TooManyLights => "each hit traces a shadow ray to each point of each light: use fewer points",
         BuildError::TooManyPlanes => {
@@ -266,10 +267,12 @@ fn advice(error: &BuildError) -> Option<&'static str> {
         }
         BuildError::TooDeep => "groups and instances count, through all prototypes; put some side by side",
         BuildError::Invalid { problem, .. } if problem.contains("transforms") => {
-            "transforms of an object, of its groups and of instances multiply: look at the scale and translate around it"
+            "transforms of an object, of its groups and of instances multiply: look at the scale and translate around \
+             it"
         }
         BuildError::Invalid { object, .. } if object.contains(" #") => {
-            "objects without a name are called by kind and number, in the order of the file; give it a name=\"…\" to find it"
+            "objects without a name are called by kind and number, in the order of the file; give it a name=\"…\" to \
+             find it"
         }
         _ => return None,
     })

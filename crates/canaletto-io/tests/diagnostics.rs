@@ -385,6 +385,42 @@ fn surfaces_that_emit_need_no_light() {
     assert!(scene("kd 0.5").1.to_string().contains("the scene has no lights"));
 }
 
+/// The warning of a scene without lights is true: glass and mirrors show what is around them, and matte surfaces don't.
+#[test]
+fn what_is_black_without_lights_is_told() {
+    const ALL: &str = "so everything in it is black";
+    const SOME: &str = "so surfaces that only reflect light are black";
+    let clear = "material \"m\" { kd 0; opacity 0; eta \"glass\" }";
+    let (mirror, matte) = ("material \"m\" { k 0.5 }", "material \"m\" { kd 0.5 }");
+    let holes = "material \"m\" { coverage 0.5 }";
+    let print = "texture \"t\" kind=\"checker\"\nmaterial \"m\" { texture \"t\" use=\"decal\" }";
+    let floor = "plane { point 0 -1 0; normal 0 1 0 }";
+    let room = "group material=\"m\" { box { min -1 -1 -1; max 1 0 1 } }";
+    let repeated = "prototype \"p\" { sphere { center 0 3 0; radius 1 } }\ninstance \"p\" material=\"m\"";
+    for (text_of_scene, expected) in [
+        (matte.to_owned(), Some(ALL)),
+        (format!("{matte}\nbackground 1"), Some(ALL)),
+        (clear.to_owned(), Some(ALL)),
+        (format!("{clear}\nbackground 1"), None),
+        (format!("{clear}\nbackground 1\nintegrator {{ stage \"reflection\" }}"), Some(ALL)),
+        (format!("{mirror}\nbackground 1\nintegrator {{ stage \"reflection\" }}"), None),
+        (format!("{mirror}\nenvironment \"gradient\" {{ stops 0 1 1 1 90 1 1 1 }}"), None),
+        (format!("{holes}\nbackground 1\n{room}\n{repeated}"), None),
+        (format!("{clear}\nbackground 1\n{floor}"), Some(SOME)),
+        (print.to_owned(), None),
+        (format!("{print}\n{floor}"), Some(SOME)),
+        (format!("{print}\n{floor}\nambient 0.1"), None),
+        (format!("material \"m\" {{ emission 1 }}\n{floor}"), None),
+    ] {
+        let sphere = "camera { eye 0 0 5 }\nsphere material=\"m\" { center 0 0 0; radius 1 }";
+        let warnings = text(&format!("{text_of_scene}\n{sphere}")).unwrap().1.to_string();
+        match expected {
+            Some(words) => assert!(warnings.contains(words), "{text_of_scene}: {warnings}"),
+            None => assert_eq!(warnings, "", "{text_of_scene}"),
+        }
+    }
+}
+
 #[test]
 fn values_can_be_set() {
     let scene = "material \"glass\" { kd 1 0 0; eta 1.2 }\nsphere material=\"glass\" name=\"ball\" radius=1 { center 0 0 0 }\n\

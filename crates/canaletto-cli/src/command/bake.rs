@@ -46,12 +46,14 @@ pub(crate) struct BakeFlags {
     pub solution: GivenSolutionFlags,
 
     /// Sets what the textures hold
-    #[arg(long, value_name = "WHAT", default_value = "combined", value_parser = named::<LightMaps>(), help_heading = "Light map")]
+    #[arg(long, value_name = "WHAT", default_value = "combined", value_parser = named::<LightMaps>(),
+        help_heading = "Light map")]
     pub maps: LightMaps,
 
     /// Sets the width and height of the light map in texels
     #[arg(long, value_name = "N", conflicts_with = "texels_per_unit",
-        value_parser = clap::value_parser!(u32).range(i64::from(Atlas::MIN_SIDE)..=i64::from(Atlas::MAX_SIDE)), help_heading = "Light map")]
+        value_parser = clap::value_parser!(u32).range(i64::from(Atlas::MIN_SIDE)..=i64::from(Atlas::MAX_SIDE)),
+        help_heading = "Light map")]
     pub size: Option<u32>,
 
     /// Sets the number of texels for each unit of length [default: two for a patch of median size]

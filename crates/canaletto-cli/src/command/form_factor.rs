@@ -46,11 +46,13 @@ pub(crate) struct FormFactorFlags {
     pub b: String,
 
     /// Sets the side of A that counts
-    #[arg(long, value_name = "SIDE", default_value = "front", value_parser = named::<Side>(), help_heading = "Surfaces")]
+    #[arg(long, value_name = "SIDE", default_value = "front", value_parser = named::<Side>(),
+        help_heading = "Surfaces")]
     pub side_a: Side,
 
     /// Sets the side of B that counts
-    #[arg(long, value_name = "SIDE", default_value = "front", value_parser = named::<Side>(), help_heading = "Surfaces")]
+    #[arg(long, value_name = "SIDE", default_value = "front", value_parser = named::<Side>(),
+        help_heading = "Surfaces")]
     pub side_b: Side,
 
     /// Sets the frame [default: the scene's first, or 0]
@@ -58,7 +60,8 @@ pub(crate) struct FormFactorFlags {
     pub frame: Option<u32>,
 
     /// Sets how the factor is computed
-    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = named::<FormFactorMethod>(), help_heading = "Method")]
+    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = named::<FormFactorMethod>(),
+        help_heading = "Method")]
     pub method: FormFactorMethod,
 
     /// Sets the pixels along an edge of a hemicube's top face
@@ -72,11 +75,13 @@ pub(crate) struct FormFactorFlags {
     pub points: u32,
 
     /// Sets the standard error of F(A->B) at which sampling ends
-    #[arg(long, allow_hyphen_values = true, value_name = "E", default_value = "1e-4", value_parser = error, help_heading = "Sampling")]
+    #[arg(long, allow_hyphen_values = true, value_name = "E", default_value = "1e-4", value_parser = error,
+        help_heading = "Sampling")]
     pub error: f64,
 
     /// Sets the most rays, such as 1e6
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value = "1e9", value_parser = rays, help_heading = "Sampling")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value = "1e9", value_parser = rays,
+        help_heading = "Sampling")]
     pub max_rays: u64,
 
     /// Sets the seed of the random numbers; the same seed gives the same answer

@@ -41,7 +41,8 @@ pub(crate) struct MeasureFlags {
     pub solution: GivenSolutionFlags,
 
     /// Sets the number of rays from each point
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=16_777_216), help_heading = "Sampling")]
+    #[arg(long, value_name = "N", default_value_t = 1024,
+        value_parser = clap::value_parser!(u32).range(16..=16_777_216), help_heading = "Sampling")]
     pub rays: u32,
 
     /// Sets the seed of the random numbers; the same seed gives the same answer

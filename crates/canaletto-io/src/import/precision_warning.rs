@@ -99,7 +99,8 @@ fn complaint(
         Precision::Double => {
             let from = if origin == DVec3::ZERO { String::new() } else { format!(" from {origin}") };
             let message = format!(
-                "its coordinates are rounded to single precision, which at a distance of {most}{from} has steps of {step}{small}"
+                "its coordinates are rounded to single precision, which at a distance of {most}{from} has steps of \
+                 {step}{small}"
             );
             ImportError::file(message)
                 .help("leave out what lies far from the rest, or put parts that lie far apart into files of their own")

@@ -76,9 +76,12 @@ pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<I
             let white = Scale::of(most, fraction).filter(|scale| *scale != Scale::One).map(Scale::most);
             said.push(ImportError::file(match white {
                 Some(white) => format!(
-                    "the colours of its {of} go up to {most}; they are taken as sRGB from 0 to {white}, not as linear from 0 to 1"
+                    "the colours of its {of} go up to {most}; they are taken as sRGB from 0 to {white}, not as linear \
+                     from 0 to 1"
                 ),
-                None => format!("the colours of its {of} go up to {most}; they are taken as they are, linear, with 1 as white"),
+                None => format!(
+                    "the colours of its {of} go up to {most}; they are taken as they are, linear, with 1 as white"
+                ),
             }));
             white
         }

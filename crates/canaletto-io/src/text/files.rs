@@ -112,7 +112,8 @@ impl<'a> Loader<'a> {
             let file = self.files.add(name, asset.path, "".into());
             let span = includer.unwrap_or(Span { file, start: 0, end: 0 });
             self.report.push(Message::error(span, message).help(
-                "large data belongs into files of its own: meshes (mesh file=…) and clouds (spheres file=…, cylinders file=…)",
+                "large data belongs into files of its own: meshes (mesh file=…) and clouds (spheres file=…, cylinders \
+                 file=…)",
             ));
             return Vec::new();
         }

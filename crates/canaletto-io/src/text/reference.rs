@@ -15,7 +15,8 @@ use std::fmt::Write;
 /// The reference of the scene text as Markdown.
 pub fn reference_markdown() -> String {
     let mut out = String::from(
-        "<!-- Made from the schema of the scene text. After changing it: CANALETTO_BLESS=1 cargo test -p canaletto-io -->\n\n",
+        "<!-- Made from the schema of the scene text. After changing it: CANALETTO_BLESS=1 cargo test -p canaletto-io \
+         -->\n\n",
     );
     out.push_str(INTRODUCTION);
     out.push_str("\n## Settings\n");
@@ -65,7 +66,11 @@ pub fn reference_markdown() -> String {
     motion(&mut out);
     let _ = write!(
         out,
-        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes and clouds. A scene expands to at most {} copies of things, of which at most {} are kept one by one (not those in a prototype that is repeated as a whole), {} points of light and {} planes, and groups and instances stand at most {} deep in each other.\n",
+        "\n{NAMES}\n{SET}\n## Limits\n\nBlocks may stand {MAX_DEPTH} deep in each other. A scene's text may have {} \
+         MiB, and each file of it {MAX_ITEMS} nodes and values; large data belongs into files of its own, as meshes \
+         and clouds. A scene expands to at most {} copies of things, of which at most {} are kept one by one (not \
+         those in a prototype that is repeated as a whole), {} points of light and {} planes, and groups and \
+         instances stand at most {} deep in each other.\n",
         super::files::MAX_TEXT >> 20,
         World::MAX_COPIES,
         World::MAX_INSTANCES,
@@ -89,7 +94,8 @@ fn arithmetic(out: &mut String) {
     out.push_str(REPEATS);
     let _ = writeln!(
         out,
-        "All repeats of a scene make up to {MAX_COPIES} copies, and up to {MAX_KEPT_COPIES} of objects with names or keys, and of settings."
+        "All repeats of a scene make up to {MAX_COPIES} copies, and up to {MAX_KEPT_COPIES} of objects with names or \
+         keys, and of settings."
     );
     out.push_str(COLORS);
     out.push_str("| medium | η | |\n|---|---|---|\n");

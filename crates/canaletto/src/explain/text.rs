@@ -48,7 +48,8 @@ impl PixelTree {
         let ([x, y], [cx, cy], [width, height]) = (self.pixel, self.chapter_pixel, self.size);
         writeln!(
             w,
-            "pixel ({x}, {y}) of {width} x {height}, counted from the top left; ({cx}, {cy}) counted from the lower left"
+            "pixel ({x}, {y}) of {width} x {height}, counted from the top left; ({cx}, {cy}) counted from the lower \
+             left"
         );
         if let Some(camera) = &self.camera {
             writeln!(w);

@@ -38,7 +38,8 @@ pub struct Job {
 pub enum JobError {
     /// The crop window is empty or reaches beyond the picture.
     #[error(
-        "the crop window {width} x {height} at {x}, {y} doesn't lie inside the picture of {of_width} x {of_height} pixels"
+        "the crop window {width} x {height} at {x}, {y} doesn't lie inside the picture of {of_width} x {of_height} \
+         pixels"
     )]
     Crop {
         /// Left edge in pixels, from the left.
@@ -73,7 +74,8 @@ pub enum JobError {
     },
     /// The shadow maps would take too much memory.
     #[error(
-        "the shadow maps take {mebibytes} MiB, more than {most} MiB; a smaller shadow-map-size or fewer lights take less"
+        "the shadow maps take {mebibytes} MiB, more than {most} MiB; a smaller shadow-map-size or fewer lights take \
+         less"
     )]
     ShadowMaps {
         /// The memory of all maps.

@@ -63,7 +63,8 @@ impl ComparisonReport<'_> {
         if let Some(found) = &self.rest.unseen {
             let ([x, y], channel) = (found.at, &found.channel);
             out += &format!(
-                "linear light differs unseen in {} pixels, by up to {:.6} at {x},{y} in {channel} (--linear compares it)\n",
+                "linear light differs unseen in {} pixels, by up to {:.6} at {x},{y} in {channel} (--linear compares \
+                 it)\n",
                 found.differing, found.max
             );
         }

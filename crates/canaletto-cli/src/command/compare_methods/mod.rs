@@ -54,7 +54,8 @@ pub(crate) struct CompareMethodsFlags {
     pub methods: Vec<Integrator>,
 
     /// Sets the difference up to which pixels are equal, in steps of 8 bits
-    #[arg(long, allow_hyphen_values = true, value_name = "STEPS", default_value = "0.5", value_parser = tolerance, help_heading = "Comparison")]
+    #[arg(long, allow_hyphen_values = true, value_name = "STEPS", default_value = "0.5", value_parser = tolerance,
+        help_heading = "Comparison")]
     pub tolerance: f64,
 
     /// Exits with 4 if more than N pixels have this cause; may be repeated

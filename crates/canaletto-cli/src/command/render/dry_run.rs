@@ -76,7 +76,8 @@ pub(super) fn dry_run(
     };
     print(&format!(
         "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     {light}\n\
-         world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
+         world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} \
+         ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
         flags.source.scene.display(),
         plural(files as u64, "file"),
         settings.camera,

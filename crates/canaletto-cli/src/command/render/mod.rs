@@ -53,7 +53,8 @@ pub(crate) struct RenderFlags {
     ///
     /// Each frame has different random numbers. A complete frame of the same scene, settings and program is kept: the
     /// same command continues a stopped series. Films are always rendered from their first frame on.
-    #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse, help_heading = "Frames")]
+    #[arg(long, allow_hyphen_values = true, value_name = "A-B[xN]|all", value_parser = FramesFlag::parse,
+        help_heading = "Frames")]
     pub frames: Option<FramesFlag>,
 
     /// Sets the frames per second [default: the scene's, or 25]

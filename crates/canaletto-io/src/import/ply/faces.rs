@@ -119,7 +119,8 @@ impl FaceList {
             super::keep(&mut self.uvs, &kept);
             let non_finite = positions.iter().filter(|p| !p.is_finite()).count();
             said.push(ImportError::file(format!(
-                "{non_finite} vertices have a coordinate that isn't a finite number; they are left out, and {} faces with them",
+                "{non_finite} vertices have a coordinate that isn't a finite number; they are left out, and {} faces \
+                 with them",
                 self.lost
             )));
             // No triangle uses these vertices.

@@ -186,7 +186,8 @@ pub(super) fn left_out(kept: &[bool], of: &str) -> Option<ImportError> {
     let lost = kept.par_iter().filter(|kept| !**kept).count();
     let first = kept.iter().position(|kept| !kept)?;
     Some(ImportError::file(format!(
-        "{lost} of {} {of} are left out, as a coordinate or the radius isn't a finite number; the first is number {} of them",
+        "{lost} of {} {of} are left out, as a coordinate or the radius isn't a finite number; the first is number {} \
+         of them",
         kept.len(),
         first + 1
     )))

@@ -29,10 +29,11 @@ pub(super) const FRAMING: Intrinsics = Intrinsics {
 /// The sampling of scenes and models that say nothing of it: smooth edges at the cost of few rays.
 pub(crate) const DEFAULT_SAMPLING: Sampling = Sampling::Adaptive { n: 3, threshold: SamplePattern::DEFAULT_THRESHOLD };
 
-/// The view of a scene without a camera, from where models are seen. It frames the boxes of all nodes. `None` if
-/// nothing has bounds, or if they are too large to place a camera.
+/// The view of a scene without a camera, from where models are seen. It frames the boxes of all nodes, and of visible
+/// lights near them. `None` if nothing has bounds, or if they are too large to place a camera.
 pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
-    let corners = node_bounds::corners(scene, scene.nodes.iter());
+    let mut corners = node_bounds::corners(scene, scene.nodes.iter());
+    corners.extend(node_bounds::corners_of_lights(scene, &corners));
     fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
 }
 

@@ -1,6 +1,6 @@
 use super::*;
-use canaletto::light::Omni;
 use canaletto::light::environment::{Environment, EnvironmentKind, Smoothing};
+use canaletto::light::{Omni, SphereLight};
 use canaletto::shape::Sphere;
 use glam::Vec3;
 
@@ -93,4 +93,29 @@ fn too_large_and_nothing_at_all_have_no_stage() {
     let nodes = vec![Node::new(Content::Mesh(0))];
     assert!(stage(Fragment { meshes: vec![huge], nodes, ..Fragment::default() }).is_none());
     assert!(stage(model(Vec::new())).is_none());
+}
+
+/// A lamp over the objects is in the view of a scene, and a sun far away isn't.
+#[test]
+fn visible_lights_near_objects_are_framed() {
+    let lamp = |height: f32, visible: bool| {
+        let sphere = Sphere { center: Vec3::Y * height, radius: 0.5 };
+        let kind = LightKind::Sphere(SphereLight { sphere, points: 1 });
+        Node::from(Light { visible, ..Light::new(kind, Rgb::WHITE) })
+    };
+    let eye = |nodes: Vec<Node>| {
+        let view = default_camera(&Scene { nodes, ..Scene::default() });
+        view.map(|view| view.extrinsics.eye)
+    };
+    let alone = eye(vec![ball()]).unwrap();
+    assert_eq!(eye(vec![ball(), lamp(2.5, false)]), Some(alone));
+    assert_eq!(eye(vec![ball(), lamp(100.0, true)]), Some(alone));
+    let framed = eye(vec![ball(), lamp(2.5, true)]).unwrap();
+    // As if it were an object.
+    let object = Node::from(Shape::Sphere(Sphere { center: Vec3::Y * 2.5, radius: 0.5 }));
+    assert_eq!(Some(framed), eye(vec![ball(), object]));
+    let moved = lamp(100.0, true).with_transform(&Transform::translate(DVec3::Y * -97.5));
+    let group = Node::new(Content::Group(vec![ball(), moved]));
+    assert!((eye(vec![group]).unwrap() - framed).length() < 1e-9);
+    assert!(eye(vec![lamp(1.0, true)]).is_some() && eye(vec![lamp(1.0, false)]).is_none());
 }

@@ -8,6 +8,7 @@ mod roll;
 mod settings;
 mod transform;
 mod warnings;
+mod without_lights;
 
 use super::arithmetic::REPEAT;
 use super::file_cache::FrameCache;
@@ -20,13 +21,13 @@ use super::validate::Validator;
 use crate::assets::Assets;
 use crate::import::DEFAULT_SAMPLING;
 use canaletto::Named;
-use canaletto::material::{Material, Target};
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Integrator, Sampling, Scene, Stage, View};
 use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
 pub(crate) use transform::TransformReader;
+use without_lights::Black;
 
 /// Decodes the scene of these nodes; `None` after a mistake, which is in the report. `numbers` are the named numbers of
 /// the scene, for repeats.
@@ -180,18 +181,11 @@ impl Decoder<'_> {
             let within = if light { &all[..] } else { &all[..2] };
             nodes.iter().any(|node| any(node, within, &|n| if light { &*n.name == LIGHT } else { is_thing(&n.name) }))
         };
-        let lit = match &self.scene.environment {
-            Some(environment) => environment.ambient || environment.has_sun(),
-            None => false,
-        };
-        let dark = !lit
-            && self.scene.ambient == Rgb::BLACK
-            && self.scene.integrator.whitted().is_some_and(|settings| settings.stage > Stage::Unlit);
         if !has(false) {
-            self.validator.report.push(Message::warning(None, "the scene has no objects"));
-        } else if dark && !has(true) && !self.has_own_color() {
-            let message = Message::warning(None, "the scene has no lights, so everything in it is black");
-            self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
+            let message = Message::warning(None, "the scene has no objects");
+            self.validator.report.push(message.help("add one, for example: sphere { center 0 0 0; radius 1 }"));
+        } else if !has(true) {
+            self.warn_of_black_surfaces();
         }
         // An included file of materials has more of them than one scene needs.
         for node in nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name && node.name_span.file == 0) {
@@ -208,16 +202,21 @@ impl Decoder<'_> {
 }
 
 impl Decoder<'_> {
-    /// Whether any object may emit light, or show the colours of an unlit texture. Both need no light.
-    fn has_own_color(&self) -> bool {
-        let unlit = |material: &Material| {
-            material.textures.iter().any(|texture| matches!(texture.target, Target::Replace | Target::Decal))
+    /// Warns of surfaces that are black, in a scene without lights.
+    fn warn_of_black_surfaces(&mut self) {
+        let is_lit = self.scene.environment.as_ref().is_some_and(|around| around.ambient || around.has_sun());
+        let stage = self.scene.integrator.whitted().map_or(Stage::Unlit, |settings| settings.stage);
+        if is_lit || self.scene.ambient != Rgb::BLACK || stage == Stage::Unlit {
+            return;
+        }
+        let black = match Black::of(&self.scene, stage) {
+            Black { not_all: false, .. } => "everything in it is",
+            // What takes emission for a light is told once the world is built.
+            Black { some: true, emits: false, .. } => "surfaces that only reflect light are",
+            _ => return,
         };
-        self.scene
-            .materials
-            .iter()
-            .zip(&self.used)
-            .any(|(material, used)| *used && (unlit(material) || material.may_emit()))
+        let message = Message::warning(None, format!("the scene has no lights, so {black} black"));
+        self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
     }
 }
 

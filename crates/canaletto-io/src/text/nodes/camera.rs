@@ -56,8 +56,10 @@ pub(super) const EYE_OR_FOLLOW: [&str; 2] = [EYE.name(), FOLLOW.name()];
 
 pub(crate) static CAMERA: NodeSchema = NodeSchema::new(
     "camera",
-    "A view of the scene. There may be several; the first one is taken where none is named. The angle, the planes and \
-     the size are those of `gluPerspective`, the rest those of `gluLookAt`.",
+    "A view of the scene. There may be several; the first one is taken where none is named. A scene without a camera is \
+     seen as a model is, from the front, a little from the right and above, with all of it in the picture: also visible \
+     lights, unless they are far away. The angle, the planes and the size are those of `gluPerspective`, the rest those \
+     of `gluLookAt`.",
     &[&[
         EYE.schema,
         CENTER.schema,

@@ -73,14 +73,16 @@ const FACES: [Field<Text>; 6] = [
 
 static CUBE: EnvironmentNode = environment_node(
     &["cube"],
-    "Six square pictures of one size: what a camera with a right angle of view sees from the middle of the cube. px, nx, \
+    "Six square pictures of one size: what a camera with a right angle of view sees from the middle of the cube. px, \
+     nx, \
      py, ny, pz, nz of sets made for graphics cards are right, left, top, bottom, front, back.",
     &[
         &[FACES[0].schema, FACES[1].schema, FACES[2].schema, FACES[3].schema, FACES[4].schema, FACES[5].schema],
         &[FILTER.schema],
         ALL,
     ],
-    "environment \"cube\" { right \"px.png\"; left \"nx.png\"; top \"py.png\"; bottom \"ny.png\"; front \"pz.png\"; back \"nz.png\" }",
+    "environment \"cube\" \
+     { right \"px.png\"; left \"nx.png\"; top \"py.png\"; bottom \"ny.png\"; front \"pz.png\"; back \"nz.png\" }",
     |decoder, f| {
         let faces = FACES.map(|face| decoder.image_of(f, &face));
         let faces: Option<Vec<u32>> = faces.into_iter().collect();
@@ -92,7 +94,8 @@ const FILE: Field<Text> = Field::text("file", "the picture").needed();
 
 static CROSS: EnvironmentNode = environment_node(
     &["cross"],
-    "The same six pictures in one, which is 4 × 3 squares (left, front, right and back in the middle row, top and bottom above \
+    "The same six pictures in one, which is 4 × 3 squares (left, front, right and back in the middle row, top and \
+     bottom above \
      and below the front) or 3 × 4 (left, front and right; below the front the bottom, and the back on its head).",
     &[&[FILE.schema], &[FILTER.schema], ALL],
     "environment \"cross\" file=\"cross.png\" { rotate-y 45 }",
@@ -101,7 +104,8 @@ static CROSS: EnvironmentNode = environment_node(
 
 static LAT_LONG: EnvironmentNode = environment_node(
     &["lat-long"],
-    "One picture of all directions, twice as wide as high: −z in its middle, +x at three quarters, +y along its upper edge.",
+    "One picture of all directions, twice as wide as high: −z in its middle, +x at three quarters, +y along its upper \
+     edge.",
     &[&[FILE.schema], &[FILTER.schema], ALL],
     "environment \"lat-long\" file=\"studio.png\" { rotate-y 90; intensity 2 }",
     |decoder, f| {
@@ -156,7 +160,8 @@ const LIGHT: Field<bool> = Field::new("light", "whether the sun lights the scene
 
 static SKY: EnvironmentNode = environment_node(
     &["sky"],
-    "A physical sky by day with its sun. y is up; +x is east and −z north. The sun stands in a direction, at a height and \
+    "A physical sky by day with its sun. y is up; +x is east and −z north. The sun stands in a direction, at a height \
+     and \
      azimuth, or where it is at a place and time.",
     &[
         &[
@@ -271,7 +276,8 @@ impl Decoder<'_> {
                 let [latitude, longitude] = f.get(&PLACE)?;
                 if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
                     let message = format!(
-                        "place is {latitude} {longitude}; it must be -90 to 90 degrees north and -180 to 180 degrees east"
+                        "place is {latitude} {longitude}; it must be -90 to 90 degrees north and -180 to 180 degrees \
+                         east"
                     );
                     return self.no_sun(Message::error(f.span(&PLACE), message));
                 }

@@ -19,7 +19,8 @@ const PLACE: Field<SamplePattern> = Field::word(
 .or(|| DEFAULT_SAMPLING.pattern().map_or_else(String::new, |pattern| quoted(pattern.name())));
 const N: Field<u32> = Field::new(
     "n",
-    "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 to 16); without a sample node 3",
+    "n × n rays in a pixel, for \"regular\" and \"jittered\" (1 to 16), and for the refined pixels of \"adaptive\" (2 \
+     to 16); without a sample node 3",
 )
 .or(|| SamplePattern::DEFAULT_GRID.to_string());
 const THRESHOLD: Field<f32> =

@@ -62,7 +62,8 @@ const TEXELS: Field<Placement> =
         .or(|| quoted(Placement::default().name()));
 
 pub(super) static GRID: TextureNode = texture_node(
-    "A texture of space, stored: voxels in the unit cube, which covers the object's bounding box. They stand in a `file` of numbers without a header, or in a `stack` of images.",
+    "A texture of space, stored: voxels in the unit cube, which covers the object's bounding box. They stand in a \
+     `file` of numbers without a header, or in a `stack` of images.",
     &[&[
         KIND.schema,
         FILE.schema,

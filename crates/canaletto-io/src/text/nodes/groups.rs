@@ -42,7 +42,8 @@ const PARTS_MATERIAL: Field<Text> =
 pub(crate) static INSTANCE: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "instance",
-        "One more copy of a named object, group or prototype, with the transforms of the original and then its own. Copies \
+        "One more copy of a named object, group or prototype, with the transforms of the original and then its own. \
+         Copies \
          cost next to no memory.",
         &[&[OF.schema], &[NAME.schema, PARTS_MATERIAL.schema, CASTS_SHADOW.schema]],
     )

@@ -61,14 +61,16 @@ const POINTS: Field<u32> = Field::new("points", "how many points, always the sam
     .or(|| DEFAULT_POINTS.to_string());
 const EMISSION: Field<Emission> = Field::word(
     "emission",
-    "each point shines evenly in all directions; or all shine as a matte surface of radiance l, from its outer side, weaker aslant and from afar",
+    "each point shines evenly in all directions; or all shine as a matte surface of radiance l, from its outer side, \
+     weaker aslant and from afar",
 )
 .or(|| quoted(Emission::default().name()));
 /// Two ways to say how many points shine.
 pub(super) const POINTS_OR_SAMPLES: [&str; 2] = [POINTS.name(), SAMPLES.name()];
 const VISIBLE: Field<bool> = Field::new(
     "visible",
-    "whether its surface is seen, also in mirrors and through glass: with the colour l, a matte one black from behind; it casts no shadow",
+    "whether its surface is seen, also in mirrors and through glass: with the colour l, a matte one black from \
+     behind; it casts no shadow",
 )
 .or(|| flag(default_light().visible));
 /// The fields of lights with a surface.

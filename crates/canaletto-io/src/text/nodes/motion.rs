@@ -39,8 +39,10 @@ pub(crate) static TRANSFORMS: &[TransformField] = &[
 /// `motion` in nodes that have transforms.
 pub(crate) static MOTION: NodeSchema = NodeSchema::new(
     "motion",
-    "What happens to an object, group or light while the shutter is open, after its own transforms: the transforms in here, \
-     from not at all when the shutter opens to wholly when it closes. Turns are turns all the way, up to 8 times around.",
+    "What happens to an object, group or light while the shutter is open, after its own transforms: the transforms in \
+     here, \
+     from not at all when the shutter opens to wholly when it closes. Turns are turns all the way, up to 8 times \
+     around.",
     &[],
 )
 .transforms()
@@ -78,7 +80,8 @@ pub(crate) const CLOSED: Field<bool> =
 
 pub(crate) static PATH: NodeSchema = NodeSchema::new(
     "path",
-    "A way that cameras, objects and points can follow. A spline is the centripetal Catmull-Rom curve through the points.",
+    "A way that cameras, objects and points can follow. A spline is the centripetal Catmull-Rom curve through the \
+     points.",
     &[&[PATH_POINTS.schema, CURVE.schema, CLOSED.schema]],
 )
 .argument(PATH_NAME.schema)

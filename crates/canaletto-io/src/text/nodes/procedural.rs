@@ -52,7 +52,8 @@ fn ramp_wrap(f: &Fields) -> Wrap {
 pub(super) static RAMP: TextureNode = texture_node(
     "A texture of a line: colours along u.",
     &[&[kind(&["ramp"]).needed().schema, RAMP_WRAP.schema], COLORS],
-    "texture \"rainbow\" kind=\"ramp\" { stops 0 1 0 0  0.5 0 1 0  1 0 0 1; interpolation \"smooth\"; wrap \"mirror\" }",
+    "texture \"rainbow\" kind=\"ramp\" \
+     { stops 0 1 0 0  0.5 0 1 0  1 0 0 1; interpolation \"smooth\"; wrap \"mirror\" }",
     |decoder, f| {
         let ramp = decoder.ramp(f)?;
         decoder.procedural(f, Function::Gradient { shape: Gradient::Linear, wrap: ramp_wrap(f), axis: None }, ramp, 0)
@@ -74,7 +75,8 @@ pub(super) static CHECKER: TextureNode = texture_node(
 
 const SHAPE: Field<Gradient> = Field::word(
     "shape",
-    "the coordinate along the axis, the distance from the axis or from the origin, or the angle around the axis as a share of the whole turn",
+    "the coordinate along the axis, the distance from the axis or from the origin, or the angle around the axis as a \
+     share of the whole turn",
 )
 .or(|| quoted(Gradient::default().name()));
 
@@ -152,7 +154,8 @@ pub(super) static WOOD: TextureNode = texture_node(
 const DEFAULT_JITTER: f32 = 1.0;
 const FEATURE: Field<Feature> = Field::word(
     "feature",
-    "the distance to the nearest point, to the second nearest, or the difference of the two, which is 0 where cells meet",
+    "the distance to the nearest point, to the second nearest, or the difference of the two, which is 0 where cells \
+     meet",
 )
 .or(|| quoted(Feature::default().name()));
 const JITTER: Field<f32> =

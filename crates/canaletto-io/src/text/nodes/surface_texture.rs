@@ -31,7 +31,8 @@ const TEXTURE_NAME: Field<Text> = Field::text("texture", "the texture's name").n
 const USE: Field<Target> = Field::word(
     "use",
     "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
-     material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the surface",
+     material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the \
+     surface",
 )
 .or(|| quoted(DEFAULT_TARGET.name()));
 const MAPPING: Field<Projection> = Field::word(
@@ -60,11 +61,13 @@ const RANGE: Field<[f64; 2]> =
     Field::new("range", "what the values 0 and 1 of the texture stand for").or(|| "0 1".into());
 const HEIGHT: Field<f32> = Field::new(
     "height",
-    "for \"bump\" and \"displace\": the height of the value 1 over that of 0, in the object's units before its transforms",
+    "for \"bump\" and \"displace\": the height of the value 1 over that of 0, in the object's units before its \
+     transforms",
 );
 const DETAIL: Field<f32> = Field::new(
     "detail",
-    "for \"displace\": the object's size divided by this is the shortest edge of the triangles that it becomes; 16 and more",
+    "for \"displace\": the object's size divided by this is the shortest edge of the triangles that it becomes; 16 \
+     and more",
 )
 .or(|| Target::DEFAULT_DETAIL.to_string());
 const STRENGTH: Field<f32> = Field::new("strength", "for \"normal\": how strongly the normals lean").or(|| "1".into());
@@ -77,8 +80,10 @@ const GREEN: Field<GreenAxis> = Field::word(
 /// `texture` in a material.
 pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
     "texture",
-    "A texture on a material. There may be several; each replaces what those before it gave. Transforms place the texture \
-     as they place objects: around the middle of the picture with `uv` (x to the right, y upwards), in the mapping's space \
+    "A texture on a material. There may be several; each replaces what those before it gave. Transforms place the \
+     texture \
+     as they place objects: around the middle of the picture with `uv` (x to the right, y upwards), in the mapping's \
+     space \
      else.",
     &[&[
         USE.schema,

@@ -72,7 +72,8 @@ const FILTER: Field<Filter> =
     Field::word("filter", "how texels become a function").or(|| quoted(Filter::default().name()));
 const PREFILTER: Field<Prefilter> = Field::word(
     "prefilter",
-    "what is done where texels are smaller than pixels: nothing, the mean over a square, or the mean over the pixel's ellipse",
+    "what is done where texels are smaller than pixels: nothing, the mean over a square, or the mean over the pixel's \
+     ellipse",
 )
 .or(|| quoted(Prefilter::default().name()));
 const WRAP: Field<Wrap> = Field::word(
@@ -85,7 +86,8 @@ const WRAP_U: Field<Wrap> =
 const WRAP_V: Field<Wrap> = Field::word("wrap-v", "the same, above and below only").or(|| "as `wrap`".into());
 const TEXELS: Field<Placement> = Field::word(
     "texels",
-    "whether u = 0 and u = 1 are the centres of the first and the last texel, as in the textbook, or their outer edges, as in OpenGL: for images made to be repeated and for spheres",
+    "whether u = 0 and u = 1 are the centres of the first and the last texel, as in the textbook, or their outer \
+     edges, as in OpenGL: for images made to be repeated and for spheres",
 )
 .or(|| quoted(Placement::default().name()));
 
