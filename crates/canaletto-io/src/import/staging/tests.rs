@@ -116,6 +116,7 @@ fn visible_lights_near_objects_are_framed() {
     assert_eq!(Some(framed), eye(vec![ball(), object]));
     let moved = lamp(100.0, true).with_transform(&Transform::translate(DVec3::Y * -97.5));
     let group = Node::new(Content::Group(vec![ball(), moved]));
-    assert!((eye(vec![group]).unwrap() - framed).length() < 1e-9);
+    // Bounds in `f32` are a little wider far from zero.
+    assert!((eye(vec![group]).unwrap() - framed).length() < 1e-3);
     assert!(eye(vec![lamp(1.0, true)]).is_some() && eye(vec![lamp(1.0, false)]).is_none());
 }
