@@ -1,6 +1,8 @@
 //! The book's pages: where their links lead, and how their pictures are shown.
 
+use canaletto_io::assets::FolderAssets;
 use canaletto_io::picture::decode;
+use canaletto_io::text::read_scene;
 use canaletto_tests::root;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -54,6 +56,46 @@ fn small_pictures_are_shown_at_whole_multiples() {
         }
     }
     assert!(enlarged > 30, "{enlarged}");
+}
+
+/// Each picture of the gallery has the size that the command below it gives it, and its scene's name.
+#[test]
+fn the_gallerys_pictures_are_those_of_its_commands() {
+    let page = std::fs::read_to_string(root().join("docs/gallery.md")).unwrap();
+    let commands: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("canaletto render ")).collect();
+    let pictures: Vec<&str> =
+        targets(&page).map(|(target, _)| target).filter(|target| target.ends_with(".png")).collect();
+    assert_eq!(commands.len(), pictures.len());
+    assert!(commands.len() > 10, "{}", commands.len());
+    for command in commands {
+        let (scene, size) = command.split_once(" --size ").map_or((command, None), |(scene, size)| (scene, Some(size)));
+        let name = Path::new(scene).file_stem().unwrap().to_str().unwrap();
+        let picture = format!("pictures/{name}.png");
+        assert!(pictures.contains(&picture.as_str()), "the gallery doesn't show {picture}");
+        let (assets, file) = FolderAssets::beside(root().join(scene)).unwrap();
+        let (scene, _) = read_scene(&file, &assets).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+        let of_scene = &scene.views[0].intrinsics;
+        let size = size.map_or(format!("{}x{}", of_scene.width, of_scene.height), str::to_owned);
+        let image = decode(&std::fs::read(root().join("docs").join(&picture)).unwrap()).unwrap().image;
+        assert_eq!(size, format!("{}x{}", image.width, image.height), "{picture}");
+    }
+}
+
+/// What the pages say of versions is what Cargo knows.
+#[test]
+fn versions_on_pages_are_true() {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let value = |key: &str| {
+        let line = manifest.lines().find(|line| line.starts_with(key)).unwrap();
+        line.split('"').nth(1).unwrap().to_owned()
+    };
+    let (rust, glam) = (value("rust-version = "), value("glam = "));
+    let library = std::fs::read_to_string(root().join("docs/library.md")).unwrap();
+    assert!(library.contains(&format!("glam = \"{glam}\"")), "glam is {glam}");
+    for page in ["docs/library.md", "docs/installing.md", "README.md"] {
+        let page_text = std::fs::read_to_string(root().join(page)).unwrap();
+        assert!(page_text.contains(&format!("Rust {rust}")), "{page}: Rust is {rust}");
+    }
 }
 
 #[test]
