@@ -80,9 +80,10 @@ impl HemicubeFormFactors {
 /// The form factors from a differential patch to all that it sees. `point` is in the world's coordinates, and `normal`
 /// has the length 1. The factors and the sky sum to 1, up to rounding.
 ///
-/// All surfaces are opaque, but holes are open: a surface of partial coverage takes this share of the pixels. What casts
-/// no shadow and what lies in the patch's own plane is not seen. The world is as it is when the shutter opens. An object
-/// that covers few pixels has a factor with a large relative error, and one that covers no pixel's centre has none.
+/// All surfaces are opaque, but holes are open: a surface of partial coverage takes this share of the pixels. What
+/// casts no shadow and what lies in the patch's own plane is not seen. The world is as it is when the shutter opens. An
+/// object that covers few pixels has a factor with a large relative error, and one that covers no pixel's centre has
+/// none.
 ///
 /// # Errors
 /// [`NoThreads`] if threads with a larger stack are needed and can't be started.
