@@ -1,8 +1,6 @@
 //! The book's pages: where their links lead, and how their pictures are shown.
 
-use canaletto_io::assets::FolderAssets;
 use canaletto_io::picture::decode;
-use canaletto_io::text::read_scene;
 use canaletto_tests::root;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -56,34 +54,6 @@ fn small_pictures_are_shown_at_whole_multiples() {
         }
     }
     assert!(enlarged > 30, "{enlarged}");
-}
-
-/// Each picture of the gallery has the size that the command below it gives it, and its scene's name. Pictures of
-/// scenes that are shown by two methods have the method's name instead.
-#[test]
-fn the_gallerys_pictures_are_those_of_its_commands() {
-    let page = std::fs::read_to_string(root().join("docs/gallery.md")).unwrap();
-    let commands: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("canaletto render ")).collect();
-    let mut pictures: Vec<&str> = targets(&page).map(|(target, _)| target).collect();
-    pictures.retain(|target| target.ends_with(".png"));
-    pictures.sort_by_key(|picture| page.find(*picture));
-    assert_eq!(commands.len(), pictures.len());
-    assert!(commands.len() > 10, "{}", commands.len());
-    for (command, picture) in commands.into_iter().zip(pictures) {
-        let (scene, size) = command.split_once(" --size ").map_or((command, None), |(scene, size)| (scene, Some(size)));
-        let name = match Path::new(scene).file_stem().unwrap().to_str().unwrap() {
-            "cornell-box" => "cornell-radiosity",
-            "gallery-room" => "gallery-radiosity",
-            name => name,
-        };
-        assert_eq!(picture, format!("pictures/{name}.png"), "the picture above {command}");
-        let (assets, file) = FolderAssets::beside(root().join(scene)).unwrap();
-        let (scene, _) = read_scene(&file, &assets).unwrap_or_else(|mistakes| panic!("{mistakes}"));
-        let of_scene = &scene.views[0].intrinsics;
-        let size = size.map_or(format!("{}x{}", of_scene.width, of_scene.height), str::to_owned);
-        let image = decode(&std::fs::read(root().join("docs").join(picture)).unwrap()).unwrap().image;
-        assert_eq!(size, format!("{}x{}", image.width, image.height), "{picture}");
-    }
 }
 
 /// What the pages say of versions is what Cargo knows.
