@@ -1,5 +1,5 @@
-//! The book's gallery: each of its pictures is what the command below it makes. A part in the middle of each is rendered
-//! again. `CANALETTO_BLESS=1` renders pictures that differ as a whole and replaces them.
+//! The book's gallery: each of its pictures is what the command below it makes. A part in the middle of each is
+//! rendered again. `CANALETTO_BLESS=1` renders pictures that differ as a whole and replaces them.
 #![cfg(unix)]
 
 use canaletto_io::picture::{Image, decode};
@@ -47,7 +47,8 @@ fn image(file: &Path) -> Image {
     decode(&std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))).unwrap().image
 }
 
-/// Whether `part` is this part of the picture. Pixels are compared, not bytes, which depend on the compressor's version.
+/// Whether `part` is this part of the picture. Pixels are compared, not bytes, which depend on the compressor's
+/// version.
 fn is_part(whole: &Image, [left, top, width, height]: [u32; 4], part: &Image) -> bool {
     let (Some(whole_colors), Some(colors)) = (whole.rgb(), part.rgb()) else { return false };
     let row = |y: u32, of: u32, from: u32| (y * of + from) as usize..(y * of + from + width) as usize;
