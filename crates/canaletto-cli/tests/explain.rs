@@ -265,7 +265,7 @@ fn drawings_have_a_node_for_each_ray() {
     assert_eq!(svg, explained(&root(), &format!("{scene} --svg -")));
     // The ball from outside and from inside, then the background. Each hit has one light.
     let count = |part: &str| svg.matches(part).count();
-    assert_eq!([count("class=\"node\""), count("<circle"), count("T, 1 − o = 0.60")], [3, 2, 2], "{svg}");
+    assert_eq!([count("class=\"node\" x="), count(" r=\"5\" fill"), count("T, 1 − o = 0.60")], [3, 2, 2], "{svg}");
     assert!(
         svg.contains("<title>background</title>") && svg.contains("<title>omni light #1: 0.001 0.001 0.632</title>")
     );
@@ -285,7 +285,7 @@ fn drawings_have_a_node_for_each_ray() {
                 () => open.push(name),
             }
         }
-        assert!(open.is_empty() && file.matches("class=\"node\"").count() <= most, "{open:?}");
+        assert!(open.is_empty() && file.matches("class=\"node\" x=").count() <= most, "{open:?}");
     }
     assert_eq!(explained(&root(), &format!("{scene} --levels 1 --svg -")).matches("2 more rays").count(), 1);
     // Names are text, whatever they hold.

@@ -105,7 +105,7 @@ pub(super) fn is_behind(light: &LightNode) -> bool {
 }
 
 /// The reason why no light of a point arrives, besides shadows.
-fn dark(light: &LightNode) -> Option<&'static str> {
+pub(super) fn dark(light: &LightNode) -> Option<&'static str> {
     if has_back_turned(light) {
         return Some("the light is behind the surface: n.L <= 0");
     }

@@ -10,6 +10,8 @@ mod intersection;
 mod light_text;
 mod material_text;
 mod number;
+mod outside;
+mod page;
 mod patch;
 mod patch_terms;
 mod patch_text;
@@ -29,6 +31,8 @@ mod tried_objects;
 pub use developed::{DevelopedNode, DevelopedValues};
 pub use difference::{TermDifference, TermValue, TreeDifference};
 pub use intersection::{Intersection, TriedObject};
+pub use outside::{OutsidePicture, OutsideView};
+pub use page::PageStyle;
 pub use patch::{
     CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, RadiosityTerms, SourceKind,
     SourceNode,
@@ -148,6 +152,22 @@ impl<'a> Explainer<'a> {
         }
         let line = DRay { origin: origin - self.world.origin(), direction };
         self.with_worker([0, 0], |mut worker| worker.ray(line)?.ok_or(ExplainError::NoRays))
+    }
+
+    /// The scene from outside with the rays that [`PixelTree::svg`] draws for this number of levels. None for a tree
+    /// without samples.
+    pub fn outside(&self, tree: &PixelTree, levels: Option<u32>) -> Option<OutsideView> {
+        let sample = tree.samples.get(tree.nearest_to_mean())?;
+        Some(self.outside_of(&sample.ray, sample.time.unwrap_or(0.0) as f32, levels))
+    }
+
+    /// The scene from outside with the rays that [`RayTree::svg`] draws.
+    pub fn outside_ray(&self, tree: &RayTree, levels: Option<u32>) -> OutsideView {
+        self.outside_of(&tree.ray, 0.0, levels)
+    }
+
+    fn outside_of(&self, ray: &RayNode, time: f32, levels: Option<u32>) -> OutsideView {
+        OutsideView::new(self.world, &self.job.camera.at(time.into()), time, ray, levels)
     }
 
     /// Prepares what a pixel needs, and calls `f`.

@@ -1,6 +1,7 @@
 //! Trees as text for a terminal: all of one, or a few screens in which what is alike is folded.
 
 use super::developed::DevelopedNode;
+use super::patch::RadiosityTerms;
 use super::raster_text::write_raster;
 use super::ray_text::{levels_of, write_ray};
 use super::ray_tree::RayTree;
@@ -65,9 +66,8 @@ impl PixelTree {
             write_sample(&mut w, sample);
         }
         writeln!(w);
-        let more = self.radiosity.more_patches;
-        if more > 0 && w.is_full {
-            writeln!(w, "{more} more patches lie under the pixel and aren't explained");
+        if w.is_full {
+            write_unexplained(&mut w, &self.radiosity);
         }
         if self.samples.len() > 1 {
             if !w.is_full {
@@ -136,6 +136,9 @@ impl RayTree {
             let mut w = TextWriter::new(style, levels, &self.radiosity);
             write_ray(&mut w, &self.ray, 1, "");
             writeln!(w);
+            if w.is_full {
+                write_unexplained(&mut w, &self.radiosity);
+            }
             write_equal(&mut w, self.ray.sum(), "colour of the ray ", self.color);
             w.text
         })
@@ -159,6 +162,15 @@ fn fitting(style: &TextStyle, deepest: u32, written: impl Fn(u32) -> String) -> 
         text = deeper;
     }
     text
+}
+
+/// Writes how many patches and places aren't explained.
+fn write_unexplained(w: &mut TextWriter, radiosity: &RadiosityTerms) {
+    for (more, noun) in [(radiosity.more_patches, "patches"), (radiosity.more_places, "blended places")] {
+        if more > 0 {
+            writeln!(w, "{more} more {noun} under the pixel: not explained");
+        }
+    }
 }
 
 /// The object that a sample's ray meets.
@@ -203,4 +215,24 @@ fn write_developed(w: &mut TextWriter, developed: &DevelopedNode, linear: Rgb) {
     writeln!(w, "transfer \"{transfer}\": {}", w.rgb(values.displayed));
     let [r, g, b] = values.bytes;
     writeln!(w, "bytes in the file {r} {g} {b}  (#{r:02x}{g:02x}{b:02x})");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_and_places_that_are_not_explained_are_counted() {
+        let terms = RadiosityTerms { more_patches: 3, more_places: 1200, ..RadiosityTerms::default() };
+        let mut w = TextWriter::new(&TextStyle::FULL, 1, &terms);
+        write_unexplained(&mut w, &terms);
+        let lines: Vec<&str> = w.text.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "3 more patches under the pixel: not explained",
+                "1200 more blended places under the pixel: not explained"
+            ]
+        );
+    }
 }

@@ -2,6 +2,7 @@
 //! mark for each light.
 
 use super::light_text::{by_light, sum_of};
+use super::outside::{OUTSIDE_STYLE, OutsideView};
 use super::ray_tree::RayTree;
 use super::tree::{HitNode, Outcome, PixelTree, RayNode};
 use crate::film::srgb_encode;
@@ -20,6 +21,9 @@ const LABEL: f64 = 72.0;
 /// The space above the first row, for the first ray.
 const TOP: f64 = 56.0;
 
+/// The largest width of a tree beside which the view from outside stands.
+const WIDE: f64 = 900.0;
+
 /// The most nodes of a drawing that has no number of levels.
 const MOST_NODES: usize = 40;
 
@@ -27,26 +31,27 @@ const MOST_NODES: usize = 40;
 const MOST_LIGHTS: usize = 8;
 
 /// The most letters of a name.
-const MOST_LETTERS: usize = 20;
+const MOST_LETTERS: usize = 17;
 
 impl PixelTree {
     /// The tree of the sample that [`PixelTree::text`] chooses as SVG. `levels` is the number of rows; none stands for
-    /// as many as are easy to look at.
-    pub fn svg(&self, levels: Option<u32>) -> String {
+    /// as many as are easy to look at. Beside it stands the scene from outside, if a view of
+    /// [`Explainer::outside`](super::Explainer::outside) is given with the address of its picture, such as a data URL.
+    pub fn svg(&self, levels: Option<u32>, outside: Option<(&OutsideView, &str)>) -> String {
         let [x, y] = self.pixel;
         let (index, count) = (self.nearest_to_mean(), self.samples.len());
         let sample = if count > 1 { format!(", sample {} of {count}", index + 1) } else { String::new() };
         match self.samples.get(index) {
-            Some(sampled) => drawing(&sampled.ray, levels, &format!("pixel ({x}, {y}){sample}")),
-            None => drawing_of(&[], 0.0, 0, "no sample"),
+            Some(sampled) => drawing(&sampled.ray, levels, &format!("pixel ({x}, {y}){sample}"), outside),
+            None => drawing_of(&[], 0.0, 0, "no sample", None),
         }
     }
 }
 
 impl RayTree {
     /// The tree as SVG, as [`PixelTree::svg`].
-    pub fn svg(&self, levels: Option<u32>) -> String {
-        drawing(&self.ray, levels, "a ray")
+    pub fn svg(&self, levels: Option<u32>, outside: Option<(&OutsideView, &str)>) -> String {
+        drawing(&self.ray, levels, "a ray", outside)
     }
 }
 
@@ -61,15 +66,31 @@ struct Placed<'t> {
     hidden: usize,
 }
 
-fn drawing(ray: &RayNode, levels: Option<u32>, title: &str) -> String {
-    let levels = levels.unwrap_or_else(|| {
+/// The number of levels of a drawing: as many as are wanted, or as are easy to look at.
+pub(super) fn drawn_levels(ray: &RayNode, levels: Option<u32>) -> u32 {
+    levels.unwrap_or_else(|| {
         let deepest = super::ray_text::levels_of(ray);
         (1..=deepest).take_while(|&levels| nodes_of(ray, levels) <= MOST_NODES).last().unwrap_or(1)
-    });
+    })
+}
+
+/// The rays of a drawing, in the order of their numbers.
+pub(super) fn drawn_rays(ray: &RayNode, levels: Option<u32>) -> Vec<&RayNode> {
+    placed_rays(ray, levels).0.iter().map(|placed| placed.ray).collect()
+}
+
+/// The nodes of a drawing with their places, and the width of all.
+fn placed_rays(ray: &RayNode, levels: Option<u32>) -> (Vec<Placed<'_>>, f64) {
+    let levels = drawn_levels(ray, levels);
     let (mut placed, mut next) = (Vec::new(), LABEL);
     place(ray, None, 1, levels, &mut placed, &mut next);
+    (placed, next)
+}
+
+fn drawing(ray: &RayNode, levels: Option<u32>, title: &str, outside: Option<(&OutsideView, &str)>) -> String {
+    let (placed, next) = placed_rays(ray, levels);
     let rows = placed.iter().map(|node| node.at[1]).fold(0.0, f64::max);
-    drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title)
+    drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title, outside)
 }
 
 /// The number of nodes down to a level.
@@ -112,30 +133,41 @@ fn place<'t>(
     x
 }
 
-fn drawing_of(placed: &[Placed], width: f64, rows: u32, title: &str) -> String {
-    let height = TOP + f64::from(rows) * ROW;
+fn drawing_of(placed: &[Placed], width: f64, rows: u32, title: &str, outside: Option<(&OutsideView, &str)>) -> String {
+    let mut height = TOP + f64::from(rows) * ROW;
     // The last label may be wider than its node.
-    let width = (width + LABEL).max(320.0);
+    let mut width = (width + LABEL).max(320.0);
+    // The view stands beside a narrow tree, and below a wide one.
+    let place_of_view = if width <= WIDE { [width, 32.0] } else { [GAP, height + GAP] };
+    if let Some((view, _)) = outside {
+        let [own_width, own_height] = view.size();
+        width = width.max(place_of_view[0] + own_width + GAP);
+        height = height.max(place_of_view[1] + own_height + GAP);
+    }
     let mut svg = String::new();
     // A string takes all that is written.
     let _ = write!(
         svg,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-         height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\n{STYLE}<rect class=\"paper\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\n<style>{STYLE}{}</style>\n<rect class=\"paper\" \
          width=\"{width}\" height=\"{height}\"/>\n<text x=\"{GAP}\" y=\"20\">{}: the tree of rays</text>\n",
+        if outside.is_some() { OUTSIDE_STYLE } else { "" },
         escaped(title)
     );
     for node in placed {
         write_edge(&mut svg, node, node.parent.map(|parent| placed[parent].at));
     }
-    placed.iter().for_each(|node| write_node(&mut svg, node));
+    (1..).zip(placed).for_each(|(number, node)| write_node(&mut svg, number, node));
+    if let Some((view, image)) = outside {
+        view.write_svg(&mut svg, place_of_view, image);
+    }
     svg + "</svg>\n"
 }
 
 /// Light and dark, as the reader's page is.
-const STYLE: &str = "<style>.paper{fill:#fff}text{fill:#222}.ray{stroke:#555;fill:none}.node{fill:#f4f4f4;stroke:#888}\
+const STYLE: &str = ".paper{fill:#fff}text{fill:#222}.ray{stroke:#555;fill:none}.node{fill:#f4f4f4;stroke:#888}\
                      .mark{stroke:#888}@media(prefers-color-scheme:dark){.paper{fill:#16181c}text{fill:#ddd}\
-                     .ray{stroke:#aaa}.node{fill:#24272d;stroke:#777}}</style>\n";
+                     .ray{stroke:#aaa}.node{fill:#24272d;stroke:#777}}";
 
 fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
     let [x, y] = node.at;
@@ -160,7 +192,7 @@ fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
     }
 }
 
-fn write_node(svg: &mut String, node: &Placed) {
+fn write_node(svg: &mut String, number: usize, node: &Placed) {
     let [x, y] = node.at;
     let left = x - NODE[0] / 2.0;
     let name = match &node.ray.outcome {
@@ -189,6 +221,12 @@ fn write_node(svg: &mut String, node: &Placed) {
         escaped(&short),
         left + 34.0,
         y + 34.0
+    );
+    let _ = write!(
+        svg,
+        "<circle class=\"node\" cx=\"{left:.1}\" cy=\"{y:.1}\" r=\"8.5\"/><text x=\"{left:.1}\" y=\"{:.1}\" \
+         font-size=\"10\" text-anchor=\"middle\">{number}</text>",
+        y + 3.5
     );
     if let Outcome::Hit(hit) = &node.ray.outcome {
         write_lights(svg, hit, left + 34.0, y + 48.0);
@@ -226,7 +264,7 @@ fn factor(Rgb { r, g, b }: Rgb) -> String {
 }
 
 /// A colour as it is shown on a screen.
-fn hex(color: Rgb) -> String {
+pub(super) fn hex(color: Rgb) -> String {
     let [r, g, b] = color.to_array().map(|v| {
         let displayed = srgb_encode(if v > 0.0 { v.min(1.0) } else { 0.0 });
         (displayed * 255.0 + 0.5) as u8
@@ -235,7 +273,7 @@ fn hex(color: Rgb) -> String {
 }
 
 /// Text for XML. Characters that XML has no place for become spaces.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.chars()
         .map(|c| match c {
             '&' => "&amp;".to_owned(),

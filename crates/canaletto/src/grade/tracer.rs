@@ -1,5 +1,5 @@
-//! A plain tracer of box 5.8 that can make each [`Mistake`]. It supports one body at a time, no lenses and no roughness.
-//! It is apart from the classic integrator, which thus pays nothing for the mistakes.
+//! A plain tracer of box 5.8 that can make each [`Mistake`]. It supports one body at a time, no lenses and no
+//! roughness. It is apart from the classic integrator, which thus pays nothing for the mistakes.
 
 use super::mistake::{Mistake, form};
 use crate::camera::Camera;

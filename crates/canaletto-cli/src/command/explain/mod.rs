@@ -1,5 +1,6 @@
 //! `canaletto explain`: the tree of rays behind a pixel, or the first difference of two.
 
+mod data_url;
 mod difference;
 mod subject;
 
@@ -114,10 +115,15 @@ pub(crate) struct ExplainFlags {
     #[arg(long, help_heading = "Messages")]
     pub steps: bool,
 
-    /// Draws the tree of rays too, as in fig. 5.29: surfaces with their colours, rays with their factors. - prints the
-    /// drawing alone
+    /// Draws the tree of rays too, as in fig. 5.29: surfaces with their colours, rays with their factors, and the rays in
+    /// the scene from outside. - prints the drawing alone
     #[arg(long, value_name = "FILE.svg", help_heading = "Messages")]
     pub svg: Option<PathBuf>,
+
+    /// Writes a page too, for a browser: the drawing, the way from light to the file, and the terms as tables that fold. It
+    /// needs no other file. - prints the page alone
+    #[arg(long, value_name = "FILE.html", help_heading = "Messages")]
+    pub html: Option<PathBuf>,
 
     /// Prints JSON, with the sum of all terms as `sum`
     #[arg(long, help_heading = "Messages")]
@@ -130,7 +136,7 @@ Examples:
   canaletto explain scenes/chapter/fig-5.23b-shadow.kdl --pixel 115,149 --y-up
   canaletto explain scenes/chapter/fig-5.23b-shadow.kdl --pixel 115,80 --steps --digits 4
   canaletto explain scenes/chapter/fig-5.23b-shadow.kdl --ray 100,40,40,-1,-0.2,-0.4
-  canaletto explain scenes/chapter/fig-5.27b-glass.kdl --pixel 110,75 --svg tree.svg
+  canaletto explain scenes/chapter/fig-5.27b-glass.kdl --pixel 110,75 --svg tree.svg --html tree.html
   canaletto explain scenes/chapter/fig-5.27b-glass.kdl --pixel 110,75 --json | jq .sum
   canaletto explain scenes/chapter/fig-5.26b-mirror.kdl -p 120,40 --diff scenes/chapter/fig-5.23b-shadow.kdl
   canaletto explain scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5
@@ -149,7 +155,7 @@ impl ExplainFlags {
 }
 
 /// The flags that show one tree.
-const DRAWN: [&str; 4] = ["levels", "full", "steps", "svg"];
+const DRAWN: [&str; 5] = ["levels", "full", "steps", "svg", "html"];
 
 /// A tree of rays with the sum of its terms.
 #[derive(Serialize)]
@@ -174,19 +180,31 @@ pub(crate) fn run(flags: &ExplainFlags) -> Result<Exit, Failure> {
 }
 
 fn explain(flags: &ExplainFlags) -> Result<Exit, Failure> {
-    let tree = Subject::open(flags)?.explained(flags.pixel, "--pixel", flags.steps)?;
-    if let Some(file) = &flags.svg {
-        write_file(file, tree.svg(flags.levels).as_bytes())?;
-        if file == Path::new("-") {
+    let subject = Subject::open(flags)?;
+    let tree = subject.explained(flags.pixel, "--pixel", flags.steps)?;
+    let mut style = if flags.full { TextStyle::FULL } else { TextStyle::SHORT };
+    style.levels = flags.levels;
+    style.digits = flags.digits.or(style.digits);
+    let is_stdout = |file: &Option<PathBuf>| file.as_deref() == Some(Path::new("-"));
+    if is_stdout(&flags.svg) && is_stdout(&flags.html) {
+        return Err(Failure::usage("--svg - and --html - can't both have the standard output"));
+    }
+    if flags.svg.is_some() || flags.html.is_some() {
+        let outside = subject.outside(&tree)?;
+        let written = [
+            flags.svg.as_ref().map(|file| (file, tree.svg(flags.levels, outside.given()))),
+            flags.html.as_ref().map(|file| (file, tree.html(&subject.name, style, outside.given()))),
+        ];
+        for (file, text) in written.iter().flatten() {
+            write_file(file, text.as_bytes())?;
+        }
+        if is_stdout(&flags.svg) || is_stdout(&flags.html) {
             return Ok(Exit::Done);
         }
     }
     if flags.json {
         print_json(&WithSum { version: JSON_VERSION, sum: tree.sum(), tree: &tree })?;
     } else {
-        let mut style = if flags.full { TextStyle::FULL } else { TextStyle::SHORT };
-        style.levels = flags.levels;
-        style.digits = flags.digits.or(style.digits);
         let text = tree.text(&style);
         let (lines, all) = (text.lines().count(), tree.text(&TextStyle::FULL).lines().count());
         let folded = if lines < all {

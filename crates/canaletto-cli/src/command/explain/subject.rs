@@ -1,12 +1,13 @@
 //! What is explained: a scene that is ready, and the tree of a pixel or of a ray in it.
 
 use super::ExplainFlags;
+use super::data_url::data_url;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
-use canaletto::explain::{Explainer, PixelTree, RayTree, TextStyle};
+use canaletto::explain::{Explainer, OutsideView, PageStyle, PixelTree, RayTree, TextStyle};
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::math::Rgb;
 use canaletto::render::Job;
@@ -31,10 +32,19 @@ impl Explained {
         }
     }
 
-    pub(super) fn svg(&self, levels: Option<u32>) -> String {
+    pub(super) fn svg(&self, levels: Option<u32>, outside: Option<(&OutsideView, &str)>) -> String {
         match self {
-            Explained::Pixel(tree) => tree.svg(levels),
-            Explained::Ray(tree) => tree.svg(levels),
+            Explained::Pixel(tree) => tree.svg(levels, outside),
+            Explained::Ray(tree) => tree.svg(levels, outside),
+        }
+    }
+
+    pub(super) fn html(&self, scene: &str, text: TextStyle, outside: Option<(&OutsideView, &str)>) -> String {
+        let mut style = PageStyle::new(scene, text);
+        style.outside = outside;
+        match self {
+            Explained::Pixel(tree) => tree.html(&style),
+            Explained::Ray(tree) => tree.html(&style),
         }
     }
 
@@ -43,6 +53,18 @@ impl Explained {
             Explained::Pixel(tree) => tree.text(style),
             Explained::Ray(tree) => tree.text(style),
         }
+    }
+}
+
+/// A view from outside, with its picture as a `data:` URL.
+pub(super) struct Outside {
+    view: Option<OutsideView>,
+    image: String,
+}
+
+impl Outside {
+    pub(super) fn given(&self) -> Option<(&OutsideView, &str)> {
+        self.view.as_ref().map(|view| (view, self.image.as_str()))
     }
 }
 
@@ -89,12 +111,25 @@ impl<'a> Subject<'a> {
         Ok(Subject { flags, name: source.name, world, job, solution: given })
     }
 
+    fn explainer(&self, has_steps: bool) -> Explainer<'_> {
+        let explainer = Explainer::new(&self.world, &self.job).with_steps(has_steps);
+        self.solution.as_ref().map_or(explainer, |solution| explainer.with_solution(solution))
+    }
+
+    /// The scene from outside with a tree's rays.
+    pub(super) fn outside(&self, tree: &Explained) -> Result<Outside, Failure> {
+        let (explainer, levels) = (self.explainer(false), self.flags.levels);
+        let view = match tree {
+            Explained::Pixel(tree) => explainer.outside(tree, levels),
+            Explained::Ray(tree) => Some(explainer.outside_ray(tree, levels)),
+        };
+        let image = view.as_ref().map_or(Ok(String::new()), |view| data_url(&view.picture))?;
+        Ok(Outside { view, image })
+    }
+
     /// The tree of the ray that the flags give, or else of the pixel. `flag` is where the pixel is from.
     pub(super) fn explained(&self, pixel: Option<[u32; 2]>, flag: &str, has_steps: bool) -> Result<Explained, Failure> {
-        let mut explainer = Explainer::new(&self.world, &self.job).with_steps(has_steps);
-        if let Some(solution) = &self.solution {
-            explainer = explainer.with_solution(solution);
-        }
+        let explainer = self.explainer(has_steps);
         if let Some([ox, oy, oz, dx, dy, dz]) = self.flags.ray {
             let ray = explainer.ray([ox, oy, oz], [dx, dy, dz]);
             let ray = ray.map_err(|e| Failure::usage(format!("--ray: {e}")))?;

@@ -10,6 +10,7 @@ use super::patch::RadiosityTerms;
 use super::ray_tree::RayTree;
 use super::tree::{PixelTree, SampleNode};
 use crate::math::Rgb;
+pub(super) use ray::kind_name;
 use serde::Serialize;
 use walk::{Walk, sample_name};
 

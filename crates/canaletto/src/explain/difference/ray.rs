@@ -246,7 +246,7 @@ fn met([own, other]: [&RayNode; 2]) -> String {
     }
 }
 
-pub(super) fn kind_name(kind: RayKind) -> &'static str {
+pub(in crate::explain) fn kind_name(kind: RayKind) -> &'static str {
     match kind {
         RayKind::Eye => "camera ray",
         RayKind::Reflected => "reflected ray",
