@@ -296,6 +296,51 @@ fn drawings_have_a_node_for_each_ray() {
     assert!(svg.contains("&lt;b&gt;&quot;&amp;") && !svg.contains("<b>"), "{svg}");
 }
 
+/// t of a hit solves the equation that the steps give, and lies on the shape.
+#[test]
+fn round_shapes_have_equations() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("round.kdl"), ROUND).unwrap();
+    for (ray, shape) in [
+        ("-1.5,0.8,5,0.02,0.05,-1", "frustum"),
+        ("-1.5,5,0.1,0.03,-2,0.02", "frustum"),
+        ("1.4,0.6,5,0.02,0.05,-1", "frustum"),
+        ("0.1,4.1,5,0.05,-0.6,-1", "torus"),
+    ] {
+        let tree: Value =
+            serde_json::from_str(&explained(folder.path(), &format!("round.kdl --ray {ray} --steps --json"))).unwrap();
+        let (steps, t) = (&tree["ray"]["steps"], number(&tree["ray"]["outcome"]["hit"]["t"]));
+        let found = &steps["intersection"];
+        assert_eq!(found["shape"], shape, "{ray}: {steps}");
+        let tried = steps["tried"].as_array().unwrap().iter().find(|object| object["is_nearest"] == true).unwrap();
+        let t_of_d = number(&tried["t"]);
+        let d = vector(&steps["direction"]);
+        assert!((t_of_d * dot(d, d).sqrt() - t).abs() < 1e-5, "{ray}: {t_of_d} and {t}");
+        let coefficients = match shape {
+            "torus" => (0..5).map(|i| number(&found["coefficients"][i])).collect::<Vec<_>>(),
+            _ => ["c", "b", "a"].map(|name| number(&found[name])).to_vec(),
+        };
+        let value = coefficients.iter().rev().fold(0.0, |sum, c| sum * t_of_d + c);
+        let size: f64 = coefficients.iter().enumerate().map(|(i, c)| (c * t_of_d.powi(i as i32)).abs()).sum();
+        let on_cap = found["caps"].as_array().is_some_and(|caps| caps.iter().any(|cap| cap.as_f64() == Some(t_of_d)));
+        assert!(
+            on_cap == ray.starts_with("-1.5,5") && (on_cap || value.abs() < 1e-9 * size),
+            "{ray}: {value}, {found}"
+        );
+        let text = explained(folder.path(), &format!("round.kdl --ray {ray} --steps"));
+        assert!(text.contains(if shape == "torus" { "torus with c = " } else { "(exercise 14)" }), "{text}");
+    }
+}
+
+const ROUND: &str = r#"
+    camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
+    material "a" { kd 0.5 0.5 0.5 }
+    cylinder name="tube" material="a" { base -1.5 0 0; top -1.4 2 0.1; radius 0.5; caps #true }
+    cone name="cone" material="a" { base 1.5 0 0; top 1.5 2 0.2; radius 0.8; top-radius 0.2 }
+    torus name="ring" material="a" { center 0 1 0; axis 0.1 1 0.2; radius 0.6; tube 0.2 }
+    light "omni" { position 3 5 3; intensity 1 1 1 }
+"#;
+
 const MIXED: &str = r#"
     camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
     film { sample "center" }
@@ -343,7 +388,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 35] = [
+const EXPLAINED: [&str; 37] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -376,6 +421,8 @@ const EXPLAINED: [&str; 35] = [
     "field.kdl -p 12,16",
     "field.kdl -p 2,0",
     "field.kdl --ray 0,3,6,0,-3,-3 --steps",
+    "round.kdl --ray -1.5,5,0.1,0.03,-2,0.02 --steps",
+    "round.kdl --ray 0.1,4.1,5,0.05,-0.6,-1 --steps",
     "field.kdl --ray 0,3,6,0,-3,-3 --diff-seed 3 --diff-frame 2",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
@@ -398,7 +445,7 @@ fn json_has_the_schema_of_the_docs() {
         serde_json::from_slice(&std::fs::read(root().join("docs/explain.schema.json")).unwrap()).unwrap();
     let schema = Schema { definitions: &schema["$defs"] };
     let folder = tempfile::tempdir().unwrap();
-    for (name, text) in [("mixed.kdl", MIXED), ("room.kdl", ROOM), ("field.kdl", FIELD)] {
+    for (name, text) in [("mixed.kdl", MIXED), ("room.kdl", ROOM), ("field.kdl", FIELD), ("round.kdl", ROUND)] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     for name in ["leaf.png", "globe.png", "wrinkles.png"] {

@@ -194,7 +194,7 @@ fn doubts(name: &str, camera: &str, several: bool, world: &World, job: &Job) -> 
     for finding in diagnose(world, job) {
         let (message, help) = match finding {
             Finding::NothingInView { bounds, behind } => {
-                let [x, y, z] = job.camera.at(0.0).axes().map(|axis| axis.to_array())[2].map(|v| short(-v));
+                let [x, y, z] = job.camera.at(0.0).axes().map(|axis| axis.to_array())[2].map(|v| decimal(-v));
                 let place = if behind {
                     format!("everything lies behind the eye, which looks along {x} {y} {z}")
                 } else {
@@ -239,6 +239,12 @@ fn cure(reasons: &[Reason]) -> &'static str {
         Some(Reason::LightDoesNotReach(_)) => "look at the light's cone, region, attenuation and intensity",
         _ => "move the light to where the camera looks, or write ambient 0.2 0.2 0.2",
     }
+}
+
+/// A component of a unit vector with six decimals, which is 0 where only rounding makes it another number.
+fn decimal(v: f64) -> f64 {
+    // The addition removes the sign of a zero.
+    (v * 1e6).round() / 1e6 + 0.0
 }
 
 /// The coordinates of a point, formatted as in a scene.
@@ -289,6 +295,14 @@ impl FrozenRuns {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn directions_have_no_noise() {
+        assert_eq!(
+            [-7.1e-15, -0.0, 0.5f64.sqrt(), -1.0].map(decimal).map(|v| v.to_string()),
+            ["0", "0", "0.707107", "-1"]
+        );
+    }
 
     /// The output for a scene: one message per line, or the failure.
     fn told(scene: &str) -> String {

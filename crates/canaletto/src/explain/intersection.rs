@@ -1,8 +1,9 @@
 //! Intersections as the chapter computes them, in f64: the quadratic equation of a sphere, the plane and the
-//! barycentric coordinates of a triangle, the pairs of faces of a box. Other shapes are asked for their nearest hit.
+//! barycentric coordinates of a triangle, the pairs of faces of a box, and the equations of its exercises.
 
+use super::round_shapes::{of_frustum, of_torus};
 use crate::math::DRay;
-use crate::shape::{Cuboid, Plane, Shape, Sphere, Triangle};
+use crate::shape::{Cone, Cuboid, Cylinder, Plane, Shape, Sphere, Triangle};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -87,6 +88,48 @@ pub enum Intersection {
         /// t of the plane.
         t: f64,
     },
+    /// a t² + b t + c = 0 for the side of a cylinder or cone: the distance from the axis is the radius (exercise 14).
+    Frustum {
+        /// The centre of the base.
+        base: [f64; 3],
+        /// The unit axis from the base to the top.
+        axis: [f64; 3],
+        /// The length.
+        length: f64,
+        /// The radii at the base and at the top.
+        radii: [f64; 2],
+        /// The coefficient of t².
+        a: f64,
+        /// The coefficient of t.
+        b: f64,
+        /// The constant coefficient.
+        c: f64,
+        /// b² − 4ac (5.18).
+        discriminant: f64,
+        /// t₁ and t₂; none if the discriminant is negative.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        roots: Option<[f64; 2]>,
+        /// The heights over the base at t₁ and t₂, from 0 to the length on the shape.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        heights: Option<[f64; 2]>,
+        /// t at the disks of the base and of the top, where they are met.
+        caps: [Option<f64>; 2],
+    },
+    /// c₀ + c₁ t + c₂ t² + c₃ t³ + c₄ t⁴ = 0.
+    Torus {
+        /// The centre.
+        center: [f64; 3],
+        /// The unit axis.
+        axis: [f64; 3],
+        /// The radius of the circle.
+        radius: f64,
+        /// The radius of the tube.
+        tube: f64,
+        /// c₀ to c₄.
+        coefficients: [f64; 5],
+        /// The real roots in ascending order, four at most.
+        roots: [Option<f64>; 4],
+    },
 }
 
 impl Intersection {
@@ -99,6 +142,13 @@ impl Intersection {
             }
             Shape::Box(cuboid) => Some(of_box(cuboid, ray)),
             Shape::Plane(plane) => Some(of_plane(plane, ray)),
+            Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
+                Some(of_frustum([*base, *top], [*radius; 2], *caps, ray))
+            }
+            Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
+                Some(of_frustum([*base, *top], [*radius, *top_radius], *caps, ray))
+            }
+            Shape::Torus(torus) => Some(of_torus(torus, ray)),
             _ => None,
         }
     }
@@ -145,15 +195,34 @@ impl Intersection {
             Intersection::Box { leaving, .. } if leaving <= 0.0 => {
                 Some(format!("it lies behind, left at t = {}", short(leaving)))
             }
+            Intersection::Frustum { caps: [None, None], roots: None, discriminant, .. } => {
+                Some(format!("delta = {discriminant:.3e} < 0"))
+            }
+            Intersection::Frustum { heights: Some([y1, y2]), length, .. } if self.in_front().is_none() => {
+                let (y1, y2) = (short(y1), short(y2));
+                Some(format!("it lies behind, or beside: heights {y1} and {y2} of 0 to {}", short(length)))
+            }
+            Intersection::Torus { roots, .. } if roots.iter().flatten().all(|&t| t <= 0.0) => {
+                Some("its equation has no root t > 0".to_owned())
+            }
             _ => None,
         }
     }
 
     /// The nearest t in front of the origin.
     pub(super) fn nearest(&self) -> Option<f64> {
+        if self.missed().is_some() { None } else { self.in_front() }
+    }
+
+    fn in_front(&self) -> Option<f64> {
         let of = |candidates: &[f64]| candidates.iter().copied().find(|&t| t > 0.0);
         match *self {
-            _ if self.missed().is_some() => None,
+            Intersection::Frustum { roots, heights, length, caps, .. } => {
+                let sides = roots.into_iter().flatten().zip(heights.into_iter().flatten());
+                let sides = sides.filter(|(_, y)| (0.0..=length).contains(y)).map(|(t, _)| t);
+                sides.chain(caps.into_iter().flatten()).filter(|&t| t > 0.0).min_by(f64::total_cmp)
+            }
+            Intersection::Torus { roots, .. } => roots.into_iter().flatten().find(|&t| t > 0.0),
             Intersection::Sphere { roots, .. } => of(&roots?),
             Intersection::Triangle { t, .. } | Intersection::Plane { t, .. } => of(&[t]),
             Intersection::Box { entering, leaving, .. } => of(&[entering, leaving]),

@@ -20,6 +20,7 @@ mod raster_text;
 mod ray_text;
 mod ray_tree;
 mod record;
+mod round_shapes;
 mod steps;
 mod steps_text;
 mod text;

@@ -73,9 +73,9 @@ impl PixelTree {
 
     fn write_samples_table(&self, page: &mut Page, chosen: usize) {
         let total: f64 = self.samples.iter().map(|sample| sample.weight).sum();
-        let _ = write!(
+        let _ = writeln!(
             page.html,
-            "<details><summary>{}; the tree is that of sample {}, the nearest to the pixel</summary><table>\n",
+            "<details><summary>{}; the tree is that of sample {}, the nearest to the pixel</summary><table>",
             counted(self.samples.len(), "sample"),
             chosen + 1
         );
@@ -178,10 +178,10 @@ impl Page {
     fn ray(&mut self, ray: &RayNode, level: u32, deepest: u32) {
         self.written += 1;
         let open = if level <= OPEN_LEVELS { " open" } else { "" };
-        let _ = write!(
+        let _ = writeln!(
             self.html,
             "<details class=\"node\"{open}><summary><b>{}</b> {} → {} <i class=\"swatch\" style=\"background:{}\"></i> \
-             {}</summary><table>\n",
+             {}</summary><table>",
             self.written,
             kind_words(ray.kind),
             escaped(name_of(ray)),

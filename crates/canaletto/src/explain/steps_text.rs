@@ -73,6 +73,38 @@ fn write_intersection(w: &mut TextWriter, intersection: &Intersection, indent: &
             writeln!(w, "{indent}    t between the faces in {}", pairs.join(", "));
             writeln!(w, "{indent}    in all three from t = {entering} to {leaving}  (fig. 5.16)");
         }
+        Intersection::Frustum { base, axis, length, radii, a, b, c, discriminant, roots, heights, caps } => {
+            let [r1, r2] = radii.map(|r| w.number(r));
+            let radius = if radii[0] == radii[1] { format!("r = {r1}") } else { format!("r = {r1} to {r2}") };
+            let (base, axis, length) = (w.vector(*base), w.vector(*axis), w.number(*length));
+            writeln!(w, "{indent}  round about {base} + y*{axis}, 0 <= y <= {length}, {radius}");
+            let [a, b, c] = [a, b, c].map(|v| w.number(*v));
+            writeln!(w, "{indent}    a = {a}, b = {b}, c = {c} of the distance from the axis (exercise 14)");
+            let side = match (roots, heights) {
+                (Some([t1, t2]), Some([y1, y2])) => {
+                    let [t1, t2, y1, y2] = [t1, t2, y1, y2].map(|v| w.number(*v));
+                    format!(", t1 = {t1} at y = {y1}, t2 = {t2} at y = {y2}")
+                }
+                _ => String::new(),
+            };
+            writeln!(w, "{indent}    delta = b^2 - 4ac = {}  (5.18){side}", w.number(*discriminant));
+            for (cap, t) in ["base", "top"].into_iter().zip(caps).filter_map(|(cap, t)| Some((cap, (*t)?))) {
+                writeln!(w, "{indent}    disk of the {cap} at t = {}", w.number(t));
+            }
+        }
+        Intersection::Torus { center, axis, radius, tube, coefficients, roots } => {
+            let [radius, tube] = [radius, tube].map(|r| w.number(*r));
+            writeln!(
+                w,
+                "{indent}  torus with c = {}, axis {}, R = {radius}, r = {tube}",
+                w.vector(*center),
+                w.vector(*axis)
+            );
+            let [c0, c1, c2, c3, c4] = coefficients.map(|c| w.number(c));
+            writeln!(w, "{indent}    {c4}*t^4 + {c3}*t^3 + {c2}*t^2 + {c1}*t + {c0} = 0");
+            let roots: Vec<String> = roots.iter().flatten().map(|t| w.number(*t).to_string()).collect();
+            writeln!(w, "{indent}    roots {}", roots.join(", "));
+        }
         Intersection::Plane { point, normal, d_dot_n, t } => {
             writeln!(w, "{indent}  plane through {}, n = {}", w.vector(*point), w.vector(*normal));
             writeln!(w, "{indent}    d.n = {}, t = (p1 - o).n / d.n = {}  (5.27)", w.number(*d_dot_n), w.number(*t));

@@ -115,13 +115,13 @@ pub(crate) struct ExplainFlags {
     #[arg(long, help_heading = "Messages")]
     pub steps: bool,
 
-    /// Draws the tree of rays too, as in fig. 5.29: surfaces with their colours, rays with their factors, and the rays in
-    /// the scene from outside. - prints the drawing alone
+    /// Draws the tree of rays too, as in fig. 5.29: surfaces with their colours, rays with their factors, and the rays
+    /// in the scene from outside. - prints the drawing alone
     #[arg(long, value_name = "FILE.svg", help_heading = "Messages")]
     pub svg: Option<PathBuf>,
 
-    /// Writes a page too, for a browser: the drawing, the way from light to the file, and the terms as tables that fold. It
-    /// needs no other file. - prints the page alone
+    /// Writes a page too, for a browser: the drawing, the way from light to the file, and the terms as tables that fold.
+    /// It needs no other file. - prints the page alone
     #[arg(long, value_name = "FILE.html", help_heading = "Messages")]
     pub html: Option<PathBuf>,
 

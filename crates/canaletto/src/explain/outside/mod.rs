@@ -25,8 +25,8 @@ const SIZE: [f64; 2] = [480.0, 400.0];
 /// The most lights of a hit whose shadow rays are drawn.
 const MOST_LIGHTS: usize = 8;
 
-/// The surroundings of the hits that the view contains: half the side of a cube, in extents of the hits and in distances
-/// of the origin.
+/// The surroundings of the hits that the view contains: half the side of a cube, in extents of the hits and in
+/// distances of the origin.
 const AROUND: [f64; 2] = [1.2, 0.4];
 
 /// Origins and lights farther from the hits than so many halves of the cube aren't in the view. Their rays end at its
