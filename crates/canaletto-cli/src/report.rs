@@ -87,6 +87,7 @@ impl Report {
             ("eye", self.rays.eye),
             ("reflected", self.rays.reflected),
             ("refracted", self.rays.refracted),
+            ("scattered", self.rays.scattered),
             ("passed", self.rays.passed),
             ("shadow", self.rays.shadow),
         ] {

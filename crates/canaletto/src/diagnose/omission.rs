@@ -20,8 +20,10 @@ pub enum Omission {
         /// The names of the materials, in the scene's order.
         materials: Vec<String>,
     },
-    /// Ambient light isn't added, since radiosity finds the light that it stands for.
+    /// Ambient light isn't added, since the integrator finds the light that it stands for.
     Ambient {
+        /// The name of the integrator.
+        integrator: &'static str,
         /// The ambient light of the scene, with that of an environment.
         ambient: Rgb,
     },
@@ -49,9 +51,9 @@ impl fmt::Display for Omission {
                 write_names(f, "material", materials)?;
                 write!(f, " {emit}, but the {integrator} integrator takes light from lights only")
             }
-            Omission::Ambient { ambient } => {
+            Omission::Ambient { integrator, ambient } => {
                 let [r, g, b] = ambient.to_array();
-                write!(f, "ambient {r} {g} {b} is not added: radiosity computes what ambient stands for")
+                write!(f, "ambient {r} {g} {b} is not added: \"{integrator}\" computes what ambient stands for")
             }
             Omission::Substitute { sentence, names } => {
                 write!(f, "{sentence}")?;
@@ -94,8 +96,11 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
     let mut all = match integrator {
         Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
         Integrator::Whitted(_) => Vec::new(),
-        Integrator::Radiosity(_) if world.ambient == Rgb::BLACK => return Vec::new(),
-        Integrator::Radiosity(_) => return vec![Omission::Ambient { ambient: world.ambient }],
+        Integrator::Radiosity(_) | Integrator::Path(_) if world.ambient == Rgb::BLACK => return Vec::new(),
+        Integrator::Radiosity(_) | Integrator::Path(_) => {
+            let integrator = integrator.name();
+            return vec![Omission::Ambient { integrator, ambient: world.ambient }];
+        }
         Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
     };
     if !world.may_emit() {
@@ -167,7 +172,7 @@ mod tests {
             all.iter().map(Omission::to_string).collect::<Vec<_>>()
         };
         let radiosity = Integrator::Radiosity(RadiositySettings::DEFAULT);
-        let sentence = "ambient 0.2 0.1 0 is not added: radiosity computes what ambient stands for";
+        let sentence = "ambient 0.2 0.1 0 is not added: \"radiosity\" computes what ambient stands for";
         assert_eq!(told(Rgb::from([0.2, 0.1, 0.0]), radiosity), [sentence]);
         assert!(told(Rgb::BLACK, radiosity).is_empty());
         assert!(told(Rgb::WHITE, WhittedSettings::DEFAULT.into()).is_empty());

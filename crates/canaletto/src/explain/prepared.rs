@@ -9,6 +9,7 @@ use super::steps::CameraSteps;
 use super::tree::{Outcome, RayNode, SampleNode};
 use super::tried_objects::MOST_PRIMITIVES;
 use super::{ExplainError, PixelTree};
+use crate::Named;
 use crate::film::WeightedSum;
 use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{
@@ -78,6 +79,7 @@ impl<'w> PreparedExplainer<'w> {
                     }
                 }
             }
+            Integrator::Path(_) => return Err(JobError::NoExplanation { integrator: job.integrator.name() }),
             Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
                 .map_continue(|zbuffer| Prepared::Zbuffer(Box::new(zbuffer))),
         };

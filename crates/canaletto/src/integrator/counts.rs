@@ -24,6 +24,8 @@ pub struct RayCounts {
     pub reflected: RayCount,
     /// Rays refracted into or out of a clear body.
     pub refracted: RayCount,
+    /// Rays of paths, in random directions from matte and glossy surfaces.
+    pub scattered: RayCount,
     /// Rays that go straight on through a surface of partial coverage.
     pub passed: RayCount,
     /// Shadow rays, from a surface to a light.
@@ -33,7 +35,8 @@ pub struct RayCounts {
 impl RayCounts {
     /// The number of all rays traced.
     pub fn total(&self) -> u64 {
-        self.eye.traced + self.reflected.traced + self.refracted.traced + self.passed.traced + self.shadow.traced
+        let RayCounts { eye, reflected, refracted, scattered, passed, shadow } = self;
+        [eye, reflected, refracted, scattered, passed, shadow].iter().map(|count| count.traced).sum()
     }
 
     pub(crate) fn of_mut(&mut self, kind: RayKind) -> &mut RayCount {
@@ -52,6 +55,7 @@ impl AddAssign for RayCounts {
             (&mut self.eye, o.eye),
             (&mut self.reflected, o.reflected),
             (&mut self.refracted, o.refracted),
+            (&mut self.scattered, o.scattered),
             (&mut self.passed, o.passed),
             (&mut self.shadow, o.shadow),
         ] {

@@ -2,14 +2,18 @@
 
 mod counts;
 mod first_hit;
+mod media;
+mod path;
 mod probe;
 pub mod radiosity;
 mod tile_integrator;
+mod visible_hit;
 pub(crate) mod whitted;
 mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
+pub(crate) use path::PreparedPath;
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};

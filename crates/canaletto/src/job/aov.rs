@@ -76,7 +76,7 @@ impl Aov {
         match integrator {
             Integrator::Whitted(_) => true,
             Integrator::Radiosity(_) => true,
-            Integrator::Zbuffer(_) => matches!(
+            Integrator::Zbuffer(_) | Integrator::Path(_) => matches!(
                 self,
                 Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::Alpha
             ),

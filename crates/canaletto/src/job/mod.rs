@@ -72,6 +72,14 @@ pub enum JobError {
         /// The integrator's name.
         integrator: &'static str,
     },
+    /// The integrator's pixels can't be explained.
+    #[error(
+        "pixels of the {integrator} integrator can't be explained; --integrator whitted explains the classic picture"
+    )]
+    NoExplanation {
+        /// The integrator's name.
+        integrator: &'static str,
+    },
     /// The shadow maps would take too much memory.
     #[error(
         "the shadow maps take {mebibytes} MiB, more than {most} MiB; a smaller shadow-map-size or fewer lights take \

@@ -46,6 +46,23 @@ impl Default for Phong {
 }
 
 impl Phong {
+    /// A bound of the light that a surface returns, as a share of what arrives: kd + 2 ks / (n + 1) + k + 1 − o. The
+    /// highlight's share is the integral of (5.38), π l times ks cosⁿ α / π, over all directions.
+    pub fn largest_albedo(&self) -> f32 {
+        let highlight = 2.0 / (self.n + 1.0);
+        (self.kd + self.ks * highlight + self.k + Rgb::gray(1.0 - self.opacity)).max_component()
+    }
+
+    /// Scales all that scatters light, so that no more light leaves than arrives ([`Phong::largest_albedo`]).
+    pub(crate) fn bound_albedo(&mut self) {
+        let albedo = self.largest_albedo();
+        if albedo > 1.0 {
+            let scale = 1.0 / albedo;
+            (self.kd, self.ks, self.k) = (self.kd * scale, self.ks * scale, self.k * scale);
+            self.opacity = 1.0 - (1.0 - self.opacity) * scale;
+        }
+    }
+
     /// Checks every number's range.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ pub(crate) use pixel::PixelRenderer;
 
 use crate::film::{Picture, TileBuffer};
 use crate::integrator::radiosity::RadiositySolution;
-use crate::integrator::{Counts, PreparedRadiosity, TileIntegrator, Zbuffer};
+use crate::integrator::{Counts, PreparedPath, PreparedRadiosity, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
 use crate::world::World;
 use camera_tiles::CameraTiles;
@@ -106,6 +106,10 @@ fn prepare<'w>(
         }
         Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
             .map_continue(|integrator| Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>),
+        Integrator::Path(settings) => {
+            let integrator = PreparedPath::new(world, settings);
+            ControlFlow::Continue(Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>)
+        }
         Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
             .map_continue(|zbuffer| Box::new(zbuffer) as Box<dyn TileIntegrator>),
     })

@@ -1,6 +1,6 @@
 //! The integrator of a scene, and its settings.
 
-use super::RadiositySettings;
+use super::{PathSettings, RadiositySettings};
 use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
@@ -15,12 +15,15 @@ pub enum Integrator {
     Zbuffer(ZbufferSettings),
     /// Radiosity, the balance of diffuse light (5.7), under the classic integrator's direct light and mirrors.
     Radiosity(RadiositySettings),
+    /// Path tracing (Kajiya 1986): all light by random paths, without bias.
+    Path(PathSettings),
 }
 
 named!(Integrator {
     Whitted(WhittedSettings::DEFAULT) => "whitted": "The classic recursive ray tracing",
     Zbuffer(ZbufferSettings::DEFAULT) => "zbuffer": "A rasteriser with a z-buffer",
     Radiosity(RadiositySettings::DEFAULT) => "radiosity": "Diffuse light by the balance of energies",
+    Path(PathSettings::DEFAULT) => "path": "All light, by random paths",
 });
 
 impl Integrator {
@@ -49,15 +52,20 @@ impl Integrator {
                 ("max-patches", max_patches.to_string()),
                 ("light-samples", light_samples.to_string()),
             ],
+            Integrator::Path(PathSettings { max_depth, roulette }) => {
+                vec![("max-depth", max_depth.to_string()), ("roulette", roulette.to_string())]
+            }
         }
     }
 
-    /// The largest depth of the rays that it traces. Camera rays have depth 1.
+    /// The largest depth of nested rays. Camera rays have depth 1.
     pub fn max_depth(&self) -> u32 {
         match self {
             Integrator::Whitted(settings) => settings.max_depth,
             Integrator::Zbuffer(_) => 1,
             Integrator::Radiosity(_) => WhittedSettings::DEFAULT.max_depth,
+            // A path goes on in a loop, not by calls.
+            Integrator::Path(_) => 1,
         }
     }
 
@@ -66,7 +74,7 @@ impl Integrator {
         match self {
             Integrator::Whitted(settings) => settings.shadows && settings.stage >= Stage::Shadow,
             Integrator::Zbuffer(settings) => settings.shadows == ShadowMethod::Map,
-            Integrator::Radiosity(_) => true,
+            Integrator::Radiosity(_) | Integrator::Path(_) => true,
         }
     }
 
@@ -74,7 +82,7 @@ impl Integrator {
     pub fn nearest_whitted(&self) -> WhittedSettings {
         match self {
             Integrator::Whitted(settings) => *settings,
-            Integrator::Radiosity(_) => WhittedSettings::DEFAULT,
+            Integrator::Radiosity(_) | Integrator::Path(_) => WhittedSettings::DEFAULT,
             Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::None, .. }) => {
                 WhittedSettings { stage: Stage::Specular, ..WhittedSettings::DEFAULT }
             }
@@ -88,7 +96,7 @@ impl Integrator {
     pub fn whitted(&self) -> Option<&WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
-            Integrator::Zbuffer(_) | Integrator::Radiosity(_) => None,
+            _ => None,
         }
     }
 
@@ -125,6 +133,7 @@ impl Integrator {
             Integrator::Whitted(_) => Ok(()),
             Integrator::Zbuffer(settings) => settings.check(),
             Integrator::Radiosity(settings) => settings.check(),
+            Integrator::Path(settings) => settings.check(),
         }
     }
 
@@ -132,7 +141,15 @@ impl Integrator {
     pub fn whitted_mut(&mut self) -> Option<&mut WhittedSettings> {
         match self {
             Integrator::Whitted(settings) => Some(settings),
-            Integrator::Zbuffer(_) | Integrator::Radiosity(_) => None,
+            _ => None,
+        }
+    }
+
+    /// The settings of path tracing, if it is this one.
+    pub fn path(&self) -> Option<&PathSettings> {
+        match self {
+            Integrator::Path(settings) => Some(settings),
+            _ => None,
         }
     }
 }
@@ -146,6 +163,12 @@ impl Default for Integrator {
 impl From<RadiositySettings> for Integrator {
     fn from(settings: RadiositySettings) -> Integrator {
         Integrator::Radiosity(settings)
+    }
+}
+
+impl From<PathSettings> for Integrator {
+    fn from(settings: PathSettings) -> Integrator {
+        Integrator::Path(settings)
     }
 }
 

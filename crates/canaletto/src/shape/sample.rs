@@ -116,6 +116,11 @@ fn edges(triangle: &[Vec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
+/// Whether a point lies outside a sphere, and not on it but for rounding. The sphere's own points see no cone.
+fn is_outside(p: DVec3, center: DVec3, radius: f64) -> bool {
+    p.distance(center) > radius * (1.0 + 1e-5)
+}
+
 /// The cumulative sums of areas.
 fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     areas.scan(0.0, |sum, area| {
@@ -235,7 +240,7 @@ impl SurfaceSampler {
         let distance2 = to_p.length_squared();
         let cos = normal.dot(to_p) / distance2.sqrt();
         match self.form {
-            Form::Sphere(center, radius) if p.distance(center) > radius => {
+            Form::Sphere(center, radius) if is_outside(p, center, radius) => {
                 let versine = versine(p.distance(center), radius);
                 if cos > 0.0 { 1.0 / (TAU * versine) } else { 0.0 }
             }
@@ -292,7 +297,7 @@ impl SurfaceSampler {
         let Form::Sphere(center, radius) = self.form else { return None };
         let to_center = center - p;
         let distance = to_center.length();
-        if distance <= radius {
+        if !is_outside(p, center, radius) {
             return None;
         }
         let sin2 = (radius / distance) * (radius / distance);

@@ -359,10 +359,19 @@ impl World {
 
     /// Whether a triangle of a mesh was hit.
     pub(crate) fn is_of_mesh(&self, hit: &Hit) -> bool {
-        hit.instance != Hit::UNBOUNDED
-            && self.with_instance(hit.instance, |instance| {
-                matches!(self.geometries[instance.geometry as usize], Geometry::Mesh { .. })
-            })
+        hit.instance != Hit::UNBOUNDED && self.is_mesh(hit.instance)
+    }
+
+    /// Whether the instance of this number is a mesh.
+    pub(crate) fn is_mesh(&self, instance: u32) -> bool {
+        self.with_instance(instance, |instance| {
+            matches!(self.geometries[instance.geometry as usize], Geometry::Mesh { .. })
+        })
+    }
+
+    /// The index of the material of a primitive of the instance of this number.
+    pub(crate) fn material_of_primitive(&self, instance: u32, primitive: u32) -> u32 {
+        self.with_instance(instance, |instance| self.material_of(instance, primitive))
     }
 
     /// The object that was hit.

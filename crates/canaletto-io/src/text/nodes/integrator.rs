@@ -6,16 +6,19 @@ use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag, quoted};
 use canaletto::scene::{
-    Integrator, RadiosityMethod, RadiositySettings, RadiosityShow, Shading, ShadowMethod, Stage, WhittedSettings,
-    ZbufferSettings,
+    Integrator, PathSettings, RadiosityMethod, RadiositySettings, RadiosityShow, Shading, ShadowMethod, Stage,
+    WhittedSettings, ZbufferSettings,
 };
 use canaletto::{Named, OutOfRange};
 
 const KIND: Field<Integrator> =
     Field::word("kind", "how the picture is made").or(|| quoted(Integrator::default().name()));
-const MAX_DEPTH: Field<u32> =
-    Field::new("max-depth", "\"whitted\": rays of this depth have no children; camera rays have depth 1")
-        .or(|| WhittedSettings::DEFAULT.max_depth.to_string());
+const MAX_DEPTH: Field<u32> = Field::new(
+    "max-depth",
+    "\"whitted\": rays of this depth have no children; camera rays have depth 1; \"path\": the most surfaces of a path \
+         that scatter light, 0 for any number, which is its default",
+)
+.or(|| WhittedSettings::DEFAULT.max_depth.to_string());
 const MIN_WEIGHT: Field<f32> =
     Field::new("min-weight", "\"whitted\": rays that count less than this in the pixel are not followed")
         .or(|| WhittedSettings::DEFAULT.min_weight.to_string());
@@ -63,15 +66,25 @@ const LIGHT_SAMPLES: Field<u32> =
     Field::new("light-samples", "\"radiosity\": shadow rays at each point towards emitting surfaces, 1 to 4096")
         .or(|| RadiositySettings::DEFAULT.light_samples.to_string());
 
-const WHITTED: &[FieldSchema] = &[MAX_DEPTH.schema, MIN_WEIGHT.schema, STAGE.schema];
+const ROULETTE: Field<bool> =
+    Field::new("roulette", "\"path\": whether paths that carry little light are ended at random, without bias")
+        .or(|| flag(PathSettings::DEFAULT.roulette));
+
+const DEPTH: &[FieldSchema] = &[MAX_DEPTH.schema];
+const WHITTED: &[FieldSchema] = &[MIN_WEIGHT.schema, STAGE.schema];
 const ZBUFFER: &[FieldSchema] = &[SHADING.schema, SHADOW_MAP_SIZE.schema, MULTISAMPLING.schema, TOLERANCE.schema];
 
 const RADIOSITY: &[FieldSchema] = &[METHOD.schema, ERROR.schema, SHOW.schema, MAX_PATCHES.schema, LIGHT_SAMPLES.schema];
 
-pub(crate) static INTEGRATOR: NodeSchema =
-    NodeSchema::new("integrator", "How the picture is made.", &[WHITTED, &[SHADOWS.schema], ZBUFFER, RADIOSITY])
-        .argument(KIND.schema)
-        .example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
+const PATH: &[FieldSchema] = &[ROULETTE.schema];
+
+pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
+    "integrator",
+    "How the picture is made.",
+    &[DEPTH, WHITTED, &[SHADOWS.schema], ZBUFFER, RADIOSITY, PATH],
+)
+.argument(KIND.schema)
+.example("integrator \"whitted\" { max-depth 3; stage \"reflection\" }");
 
 impl Decoder<'_> {
     pub(super) fn integrator(&mut self, fields: &Fields) {
@@ -83,15 +96,19 @@ impl Decoder<'_> {
         let (own, foreign): (&[&[FieldSchema]], &[&[FieldSchema]]) = match &mut integrator {
             Integrator::Whitted(settings) => {
                 self.whitted(fields, settings);
-                (&[WHITTED, &[SHADOWS.schema]], &[ZBUFFER, RADIOSITY])
+                (&[DEPTH, WHITTED, &[SHADOWS.schema]], &[ZBUFFER, RADIOSITY, PATH])
             }
             Integrator::Zbuffer(settings) => {
                 self.zbuffer(fields, settings);
-                (&[ZBUFFER, &[SHADOWS.schema]], &[WHITTED, RADIOSITY])
+                (&[ZBUFFER, &[SHADOWS.schema]], &[DEPTH, WHITTED, RADIOSITY, PATH])
             }
             Integrator::Radiosity(settings) => {
                 self.radiosity(fields, settings);
-                (&[RADIOSITY], &[WHITTED, ZBUFFER, &[SHADOWS.schema]])
+                (&[RADIOSITY], &[DEPTH, WHITTED, ZBUFFER, &[SHADOWS.schema], PATH])
+            }
+            Integrator::Path(settings) => {
+                self.path(fields, settings);
+                (&[DEPTH, PATH], &[WHITTED, ZBUFFER, &[SHADOWS.schema], RADIOSITY])
             }
             _ => (&[], &[]),
         };
@@ -121,6 +138,14 @@ impl Decoder<'_> {
             self.out_of_range(fields, &OutOfRange::new(MAX_DEPTH.name(), problem));
         } else if settings.min_weight < 0.0 {
             self.out_of_range(fields, &OutOfRange::new(MIN_WEIGHT.name(), "must be 0 or more"));
+        }
+    }
+
+    fn path(&mut self, fields: &Fields, settings: &mut PathSettings) {
+        change(&mut settings.max_depth, fields.get(&MAX_DEPTH));
+        change(&mut settings.roulette, fields.flag(&ROULETTE));
+        if let Err(wrong) = settings.check() {
+            self.out_of_range(fields, &wrong);
         }
     }
 

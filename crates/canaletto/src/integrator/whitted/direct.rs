@@ -2,8 +2,8 @@
 
 use super::Whitted;
 use super::interaction::SurfaceInteraction;
-use super::media::NONE;
 use super::ray_state::uses;
+use crate::integrator::media::NONE;
 use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;

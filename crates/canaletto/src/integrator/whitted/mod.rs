@@ -10,8 +10,6 @@
 
 mod direct;
 mod interaction;
-mod intersect;
-mod media;
 mod ray_state;
 mod secondary;
 #[cfg(test)]
@@ -19,6 +17,7 @@ mod tests;
 mod trace;
 mod wave;
 
+use super::media::Media;
 use super::{Cancelled, EmittersTerm, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
@@ -27,8 +26,7 @@ use crate::scene::WhittedSettings;
 use crate::world::{Hit, OccluderCache, World};
 use glam::{DVec3, Vec3};
 use interaction::SurfaceInteraction;
-pub(super) use intersect::background;
-use media::Media;
+
 use ray_state::{PathState, RayState, uses};
 pub(crate) use wave::Fragment;
 use wave::Waves;

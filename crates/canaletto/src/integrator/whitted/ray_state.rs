@@ -1,7 +1,7 @@
 //! A ray of the ray tree, with its place in the tree.
 
-use super::media;
 use crate::integrator::RayKind;
+use crate::integrator::media;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use canaletto_bvh::Ray;

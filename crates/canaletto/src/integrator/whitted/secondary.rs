@@ -1,9 +1,10 @@
 //! Secondary rays: mirrored rays, refracted rays, and rays past surfaces of partial coverage.
 
 use super::Whitted;
-use super::interaction::{Footprint, Frame, SurfaceInteraction};
-use super::media::{Crossing, NONE, Refraction, SIMPLE};
+use super::interaction::SurfaceInteraction;
 use super::ray_state::{PathState, RayState, uses};
+use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
+use crate::integrator::visible_hit::{Footprint, Frame};
 use crate::integrator::{Probe, RayKind};
 use crate::material::{reflect, reflect_into_hemisphere, refract, sample_ggx_vndf};
 use crate::math::{RayDifferential, Rgb};

@@ -22,7 +22,8 @@ mod triangle_hits;
 mod triangle_setup;
 mod unshaded_view;
 
-use super::whitted::{Fragment, Whitted, background};
+use super::visible_hit::background;
+use super::whitted::{Fragment, Whitted};
 use super::{Cancelled, Counts, FirstHit, TileIntegrator, TileWorker};
 use crate::camera::Camera;
 use crate::film::TileBuffer;

@@ -5,6 +5,7 @@
 //! direction alone, not on the position.
 
 mod cross;
+mod distribution;
 mod face;
 mod gradient;
 mod map;
@@ -23,6 +24,7 @@ use super::{Directional, Light, LightKind};
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
 use crate::{Named, OutOfRange, named};
+pub(crate) use distribution::EnvironmentDistribution;
 use glam::DVec3;
 use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};
@@ -325,6 +327,18 @@ impl PreparedEnvironment {
         };
         let radiance = (value * self.intensity).saturated();
         EnvironmentLookup { kind: self.kind_name, direction, local, place, footprint, value, radiance }
+    }
+
+    /// The radiance in a direction of any length but zero, as [`PreparedEnvironment::lookup`] finds it, without the
+    /// sun's disk. The sun's light comes from its light source.
+    pub(crate) fn radiance_without_sun(&self, direction: DVec3, footprint: [DVec3; 2]) -> Rgb {
+        match &self.kind {
+            Kind::Sky(dome) => {
+                let local = self.to_local.vector(direction.normalize()).normalize();
+                (dome.radiance_without_sun(local) * self.intensity).saturated()
+            }
+            _ => self.lookup(direction, footprint).radiance,
+        }
     }
 
     /// The light of the sun, if the environment has one that lights the scene.

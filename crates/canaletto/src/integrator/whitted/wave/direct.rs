@@ -3,8 +3,8 @@
 use super::Wave;
 use super::interactions::Interactions;
 use super::interactions8::{Interactions8, LANES, LightSamples8, lanes};
+use crate::integrator::media::NONE;
 use crate::integrator::whitted::Whitted;
-use crate::integrator::whitted::media::NONE;
 use crate::integrator::whitted::ray_state::uses;
 use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;

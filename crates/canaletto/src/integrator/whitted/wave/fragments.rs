@@ -2,9 +2,10 @@
 
 use super::Wave;
 use crate::integrator::Probe;
+use crate::integrator::media;
+use crate::integrator::visible_hit::{Footprint, VisibleHit};
 use crate::integrator::whitted::Whitted;
-use crate::integrator::whitted::interaction::{Footprint, SurfaceInteraction, VisibleHit};
-use crate::integrator::whitted::media;
+use crate::integrator::whitted::interaction::SurfaceInteraction;
 use crate::integrator::whitted::ray_state::{PathState, RayState};
 use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};

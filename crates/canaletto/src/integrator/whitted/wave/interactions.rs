@@ -1,8 +1,8 @@
 //! The interactions of a wave.
 
 use super::interactions8::{Interactions8, LANES};
-use crate::integrator::whitted::interaction::Frame;
-use crate::integrator::whitted::media;
+use crate::integrator::media;
+use crate::integrator::visible_hit::Frame;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::SurfaceInputs8;

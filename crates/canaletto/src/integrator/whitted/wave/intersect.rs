@@ -2,10 +2,10 @@
 
 use super::Wave;
 use super::interactions::Interaction;
+use crate::integrator::media;
+use crate::integrator::visible_hit::VisibleHit;
+use crate::integrator::visible_hit::{background, visible_hit};
 use crate::integrator::whitted::Whitted;
-use crate::integrator::whitted::interaction::VisibleHit;
-use crate::integrator::whitted::intersect::{background, visible_hit};
-use crate::integrator::whitted::media;
 
 impl Whitted<'_> {
     /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's

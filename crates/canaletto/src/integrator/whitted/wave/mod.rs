@@ -10,8 +10,9 @@ mod intersect;
 mod ray_batch;
 
 use super::Whitted;
-use super::interaction::{Footprint, SurfaceInteraction};
+use super::interaction::SurfaceInteraction;
 use super::ray_state::RayState;
+use crate::integrator::visible_hit::Footprint;
 use crate::integrator::{Probe, RayCounts, RayIntegrator};
 use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};

@@ -1,7 +1,7 @@
 //! Batches of rays and the path state of each ray.
 
 use crate::integrator::RayCounts;
-use crate::integrator::whitted::media;
+use crate::integrator::media;
 use crate::integrator::whitted::ray_state::{PathState, RayState};
 use crate::math::{DRay, RayDifferential};
 use crate::sampler::Sample;

@@ -1,35 +1,101 @@
 //! The first surface that a ray sees: past holes, and past hidden surfaces of clear bodies.
 
-use super::Whitted;
-use super::interaction::{Footprint, Frame, SurfaceInteraction, VisibleHit};
+use super::Probe;
 use super::media::{self, Boundary, Media};
-use super::ray_state::{PathState, RayState};
-use crate::integrator::Probe;
+use crate::material::{MaterialPoint, reflect};
 use crate::math::{DRay, RayDifferential, Rgb, offset_origin};
+use crate::shape::Surface;
 use crate::world::{Hit, MAX_STALLED, World, touching};
 use canaletto_bvh::Ray;
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// The most holes that a ray passes. After that many, the next hole counts as a surface.
 const MAX_HOLES: usize = 1 << 16;
 
-impl Whitted<'_> {
-    /// The first surface that a ray sees.
-    pub(super) fn intersect<P: Probe>(&mut self, ray: &RayState, probe: &mut P) -> Option<VisibleHit> {
-        let found = self.world.intersect_at(&ray.ray, f32::INFINITY, self.time);
-        let PathState { kind, inside, first_crossing, .. } = ray.path_state;
-        let arriving = (ray.line, ray.ray, found, ray.differential.as_ref());
-        let visible_hit =
-            visible_hit(self.world, &mut self.media, arriving, [inside, first_crossing], self.time, probe);
-        let count = self.counts.of_mut(kind);
-        count.traced += 1;
-        count.hit += u64::from(visible_hit.is_some());
-        visible_hit
+/// The directions and points at an interaction. Normals and directions have unit length.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct Frame {
+    /// Whether the ray hit the outer side.
+    pub(in crate::integrator) outside: bool,
+    /// v̂, the direction back along the ray.
+    pub(in crate::integrator) wo: DVec3,
+    /// The geometric normal on the outer side.
+    pub(in crate::integrator) outer: DVec3,
+    /// The geometric normal on the viewer's side.
+    pub(in crate::integrator) facing: DVec3,
+    /// n, the shading normal on the viewer's side.
+    pub(in crate::integrator) normal: DVec3,
+    /// r, the mirrored direction (5.37).
+    pub(in crate::integrator) mirrored: DVec3,
+    /// The point before rounding.
+    pub(in crate::integrator) exact: DVec3,
+    /// The point and its error bound.
+    pub(in crate::integrator) point: Vec3,
+    pub(in crate::integrator) error: Vec3,
+    /// The origin of shadow rays.
+    pub(in crate::integrator) start: Vec3,
+}
+
+impl Frame {
+    /// The frame of a ray in this direction that hits a surface.
+    #[inline(always)]
+    pub(in crate::integrator) fn new(direction: DVec3, surface: &Surface) -> Frame {
+        let Surface { point, exact, error, normal: outer, shading_normal, shadow_origin, .. } = *surface;
+        let outside = direction.dot(outer) < 0.0;
+        let side = if outside { 1.0 } else { -1.0 };
+        let (wo, facing, normal) = (-direction.normalize(), outer * side, shading_normal * side);
+        let start = offset_origin(if outside { shadow_origin } else { point }, error, facing, facing);
+        Frame { outside, wo, outer, facing, normal, mirrored: reflect(wo, normal), exact, point, error, start }
     }
 
-    /// The colour of a ray that hits nothing.
-    pub(super) fn background<P: Probe>(&self, ray: &RayState, probe: &mut P) -> Rgb {
-        background(self.world, ray.line.direction, ray.differential.as_ref(), probe)
+    /// The `f64` ray that leaves the surface in a direction.
+    #[inline]
+    pub(in crate::integrator) fn leave(&self, direction: DVec3) -> DRay {
+        DRay { origin: self.exact, direction }
+    }
+
+    /// The rounded ray of `line`, its origin moved off the surface by the error bound.
+    #[inline]
+    pub(in crate::integrator) fn rounded(&self, line: &DRay) -> Ray {
+        line.from_origin(offset_origin(self.point, self.error, self.outer, line.direction))
+    }
+}
+
+/// The first surface that a ray sees, past holes and past surfaces that another body hides.
+pub(in crate::integrator) struct VisibleHit {
+    pub(in crate::integrator) hit: Hit,
+    pub(in crate::integrator) surface: Surface,
+    pub(in crate::integrator) material: MaterialPoint,
+    /// The ray's line, whose origin moves to each hole that it passes.
+    pub(in crate::integrator) line: DRay,
+    pub(in crate::integrator) footprint: Option<Footprint>,
+    /// The bodies that the ray is in at the hit.
+    pub(in crate::integrator) inside: u32,
+    pub(in crate::integrator) crossing: u32,
+}
+
+/// The differential of the arriving ray, and its effect at the surface.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct Footprint {
+    /// The differential of the arriving ray.
+    pub(in crate::integrator) differential: RayDifferential,
+    /// The offsets along the surface to the hits of the neighbouring rays.
+    pub(in crate::integrator) step: [DVec3; 2],
+    /// The derivative of the shading normal along the surface; zero where nothing needs it.
+    pub(in crate::integrator) shape_operator: DMat3,
+}
+
+impl Footprint {
+    pub(in crate::integrator) fn new(
+        differential: Option<&RayDifferential>,
+        line: &DRay,
+        surface: &Surface,
+    ) -> Option<Footprint> {
+        differential.map(|differential| Footprint {
+            differential: *differential,
+            step: differential.along(line, surface.exact, surface.normal),
+            shape_operator: DMat3::ZERO,
+        })
     }
 }
 
@@ -47,28 +113,11 @@ pub(in crate::integrator) fn background<P: Probe>(
     lookup.radiance
 }
 
-impl<'a> SurfaceInteraction<'a> {
-    /// The interaction of a ray with the surface that it sees.
-    pub(super) fn new(visible_hit: &'a VisibleHit, ray: &'a RayState) -> SurfaceInteraction<'a> {
-        let VisibleHit { hit, surface, material, line, footprint, inside, crossing } = visible_hit;
-        SurfaceInteraction {
-            hit,
-            material,
-            frame: Frame::new(line.direction, surface),
-            footprint: footprint.as_ref(),
-            inside: *inside,
-            crossing: *crossing,
-            path_state: ray.path_state,
-            sample: &ray.sample,
-        }
-    }
-}
-
 /// The first visible surface of a ray: past holes, and past surfaces of clear bodies that another body hides. `inside`
 /// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes
 /// before `found`.
 #[inline(never)]
-pub(super) fn visible_hit<P: Probe>(
+pub(in crate::integrator) fn visible_hit<P: Probe>(
     world: &World,
     media: &mut Media,
     (mut line, mut ray, mut found, differential): (DRay, Ray, Option<Hit>, Option<&RayDifferential>),

@@ -24,10 +24,10 @@ use glam::DVec3;
 use std::cmp::Ordering;
 
 /// The empty set of bodies, or no crossing.
-pub(super) const NONE: u32 = u32::MAX;
+pub(in crate::integrator) const NONE: u32 = u32::MAX;
 
 /// A crossing that [`Media::simple`] computes when a ray goes on.
-pub(super) const SIMPLE: u32 = NONE - 1;
+pub(in crate::integrator) const SIMPLE: u32 = NONE - 1;
 
 /// A body that a ray is in, with the rest of the set. The rest fills after it.
 #[derive(Clone, Copy)]
@@ -44,7 +44,7 @@ struct BodyEntry {
 
 /// The refraction of a ray where it crosses a surface.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Refraction {
+pub(in crate::integrator) enum Refraction {
     /// No refraction: further surfaces of the boundary follow.
     Straight,
     /// Refraction between the surface's own η and this η on its outer side.
@@ -53,19 +53,19 @@ pub(super) enum Refraction {
 
 /// A surface that a ray may cross, and the surfaces that coincide with it.
 #[derive(Clone, Copy)]
-pub(super) struct Crossing {
-    pub(super) hit: Hit,
-    pub(super) refraction: Refraction,
+pub(in crate::integrator) struct Crossing {
+    pub(in crate::integrator) hit: Hit,
+    pub(in crate::integrator) refraction: Refraction,
     /// The bodies of a ray beyond the surface.
-    pub(super) beyond: u32,
+    pub(in crate::integrator) beyond: u32,
     /// The coinciding surface that a ray beyond this one crosses next, or [`NONE`].
-    pub(super) next: u32,
+    pub(in crate::integrator) next: u32,
     /// The coinciding surface that came before this one, or [`NONE`].
     before: u32,
     /// The coinciding surface that a ray mirrored here crosses next, or [`NONE`].
-    pub(super) back: u32,
+    pub(in crate::integrator) back: u32,
     /// Whether any surface coincides with this one.
-    pub(super) touches: bool,
+    pub(in crate::integrator) touches: bool,
 }
 
 impl Crossing {
@@ -78,7 +78,7 @@ impl Crossing {
 
 /// The sets of bodies and the crossings of all rays in flight.
 #[derive(Default)]
-pub(super) struct Media {
+pub(in crate::integrator) struct Media {
     inside: Vec<BodyEntry>,
     crossings: Vec<Crossing>,
     /// The last eye position and time. `around` holds the bodies around it; bodies that fill first come first.
@@ -92,10 +92,10 @@ pub(super) struct Media {
 
 /// The size of the arena at some moment.
 #[derive(Clone, Copy)]
-pub(super) struct ArenaMark(usize, usize);
+pub(in crate::integrator) struct ArenaMark(usize, usize);
 
 /// The result of a ray's hit on a clear surface, or of a hit from inside a body.
-pub(super) enum Boundary {
+pub(in crate::integrator) enum Boundary {
     /// An interaction as on any surface.
     Plain,
     /// An interaction at this crossing comes first.
@@ -127,30 +127,30 @@ impl BoundaryHit {
 }
 
 impl Media {
-    pub(super) fn clear(&mut self) {
+    pub(in crate::integrator) fn clear(&mut self) {
         self.inside.clear();
         self.crossings.clear();
         self.eye_set = None;
     }
 
-    pub(super) fn mark(&self) -> ArenaMark {
+    pub(in crate::integrator) fn mark(&self) -> ArenaMark {
         ArenaMark(self.inside.len(), self.crossings.len())
     }
 
     /// Removes all sets and crossings added after the mark.
-    pub(super) fn release(&mut self, ArenaMark(inside, crossings): ArenaMark) {
+    pub(in crate::integrator) fn release(&mut self, ArenaMark(inside, crossings): ArenaMark) {
         self.inside.truncate(inside);
         self.crossings.truncate(crossings);
     }
 
     #[inline]
-    pub(super) fn crossing(&self, number: u32) -> Option<&Crossing> {
+    pub(in crate::integrator) fn crossing(&self, number: u32) -> Option<&Crossing> {
         self.crossings.get(number as usize)
     }
 
     /// The bodies that an eye is in. At most `depth` + 1 of them are kept, those that fill first: a ray can't leave
     /// more.
-    pub(super) fn around_eye(&mut self, world: &World, eye: DVec3, time: f32, depth: u32) -> u32 {
+    pub(in crate::integrator) fn around_eye(&mut self, world: &World, eye: DVec3, time: f32, depth: u32) -> u32 {
         if self.eye != Some((eye, time)) {
             (self.eye, self.eye_set) = (Some((eye, time)), None);
             self.around = filling_order(world.bodies_around(eye, time), depth);
@@ -190,7 +190,7 @@ impl Media {
     }
 
     /// η of the body that fills the place; 1 outside of all bodies.
-    pub(super) fn eta(&self, set: u32) -> f64 {
+    pub(in crate::integrator) fn eta(&self, set: u32) -> f64 {
         self.filling(set).map_or(1.0, |body| f64::from(body.eta))
     }
 
@@ -267,7 +267,7 @@ impl Media {
 
     /// The boundary of a ray in the bodies of `set` whose line hits `surface` at `hit`. `set` becomes the set of bodies
     /// that the ray is certainly in.
-    pub(super) fn boundary<P: Probe>(
+    pub(in crate::integrator) fn boundary<P: Probe>(
         &mut self,
         world: &World,
         (line, ray): (&DRay, &Ray),
@@ -309,7 +309,7 @@ impl Media {
 
     /// Whether a ray in these bodies has a simple crossing at a clear surface, so that [`Media::simple`] returns it.
     /// The ray is then in no other body, and no other surface is near.
-    pub(super) fn is_simple(&self, world: &World, line: &DRay, hit: &Hit, set: u32) -> bool {
+    pub(in crate::integrator) fn is_simple(&self, world: &World, line: &DRay, hit: &Hit, set: u32) -> bool {
         if world.may_touch(line, hit) {
             return false;
         }
@@ -323,13 +323,13 @@ impl Media {
     }
 
     /// The crossing of a surface with nothing near it, by a ray that is in no other body.
-    pub(super) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
+    pub(in crate::integrator) fn simple(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> Crossing {
         let beyond = world.body(hit).map_or(set, |body| self.changed(set, &body, outside));
         Crossing::isolated(*hit, 1.0, beyond)
     }
 
     /// The bodies of a ray that is mirrored at such a surface.
-    pub(super) fn simple_inside(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> u32 {
+    pub(in crate::integrator) fn simple_inside(&mut self, world: &World, hit: &Hit, outside: bool, set: u32) -> u32 {
         match world.body(hit) {
             Some(body) if !body.overlaps_itself => self.with(set, &body, |_, _| (i32::from(!outside), false)),
             _ => set,
@@ -435,7 +435,7 @@ impl Media {
     }
 
     /// Calls `f` with each coinciding surface that a ray crossed before this crossing.
-    pub(super) fn for_crossed_before(&self, crossing: u32, mut f: impl FnMut(&Hit)) {
+    pub(in crate::integrator) fn for_crossed_before(&self, crossing: u32, mut f: impl FnMut(&Hit)) {
         let mut before = self.crossing(crossing).map_or(NONE, |crossing| crossing.before);
         while let Some(crossing) = self.crossing(before) {
             f(&crossing.hit);

@@ -1,0 +1,183 @@
+//! Path tracing (Kajiya 1986): the light along a camera ray by one random path, without bias.
+//!
+//! At each surface a light is chosen and a ray asks for it (next-event estimation). The path goes on in a direction of
+//! the surface's scattering. Light that both can find is weighted by the power heuristic (Veach & Guibas 1995). Russian
+//! roulette ends paths of small throughput (Arvo & Kirk 1990).
+//!
+//! The units are those of the chapter: a light of intensity l gives a white matte surface that faces it the radiance l
+//! (5.32). Ambient light isn't added, since it stands for the light that paths find.
+//!
+//! Lights without a surface pass clear bodies by 1 − o, as in (5.39a), since no path finds them. The light of surfaces
+//! and of the environment passes clear bodies along paths only.
+
+mod emitter;
+mod light_sampler;
+#[cfg(test)]
+mod tests;
+mod trace;
+
+use super::media::Media;
+use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};
+use crate::light::PreparedLight;
+use crate::math::{DRay, RayDifferential, Rgb};
+use crate::sampler::{Sample, Sampler};
+use crate::scene::PathSettings;
+use crate::world::{OccluderCache, World};
+use light_sampler::LightSampler;
+
+/// What the threads of path tracing share.
+pub(crate) struct PreparedPath {
+    settings: PathSettings,
+    lights: LightSampler,
+    warnings: Vec<String>,
+}
+
+impl PreparedPath {
+    /// Prepares the lights of a world.
+    pub(crate) fn new(world: &World, settings: PathSettings) -> PreparedPath {
+        let lights = LightSampler::new(world);
+        let used = world.materials_in_use();
+        let gains: Vec<&str> = world
+            .materials()
+            .iter()
+            .zip(used)
+            .filter(|(material, used)| *used && material.phong().largest_albedo() > 1.0 + 1e-6)
+            .map(|(material, _)| material.name.as_str())
+            .collect();
+        let warnings = match gains[..] {
+            [] => Vec::new(),
+            [first, ref more @ ..] => {
+                let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+                vec![format!(
+                    "material \"{first}\"{others} would return more light than arrives (kd + 2 ks / (n + 1) + k + 1 - o \
+                     is more than 1), so path tracing makes it darker"
+                )]
+            }
+        };
+        PreparedPath { settings, lights, warnings }
+    }
+}
+
+impl PreparedRayIntegrator for PreparedPath {
+    fn preparation_counts(&self) -> Counts {
+        Counts { warnings: self.warnings.clone(), ..Counts::default() }
+    }
+
+    type Worker<'a> = PathTracer<'a>;
+
+    fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> PathTracer<'a> {
+        PathTracer {
+            world,
+            settings: self.settings,
+            lights: &self.lights,
+            counts: RayCounts::default(),
+            cancelled,
+            is_cancelled: false,
+            rays_until_poll: RAYS_PER_POLL,
+            sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
+            time: 0.0,
+            moved_lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
+            media: Media::default(),
+            occluders: vec![OccluderCache::NONE; world.lights.len()],
+            pending: Vec::new(),
+            colors: Vec::new(),
+        }
+    }
+}
+
+/// The number of rays between two calls of the cancel callback.
+const RAYS_PER_POLL: u32 = 4096;
+
+/// Path tracing in one thread.
+pub(crate) struct PathTracer<'w> {
+    world: &'w World,
+    settings: PathSettings,
+    lights: &'w LightSampler,
+    counts: RayCounts,
+    cancelled: Cancelled<'w>,
+    is_cancelled: bool,
+    rays_until_poll: u32,
+    /// The source of random numbers.
+    sample: Sample,
+    /// The time of the sample, from 0 (the shutter opens) to 1 (it closes).
+    time: f32,
+    /// The world's lights at that time; empty if no light moves.
+    moved_lights: Vec<PreparedLight>,
+    /// The media that the path is in.
+    media: Media,
+    /// The last occluder of each light's shadow rays.
+    occluders: Vec<OccluderCache>,
+    /// Camera rays that wait to be traced, and their colours.
+    pending: Vec<(DRay, Sample, Option<RayDifferential>)>,
+    colors: Vec<Rgb>,
+}
+
+impl PathTracer<'_> {
+    /// Counts a ray towards the next call of the cancel callback, and calls it when it is due.
+    fn poll(&mut self) {
+        self.rays_until_poll -= 1;
+        if self.rays_until_poll == 0 {
+            self.rays_until_poll = RAYS_PER_POLL;
+            self.is_cancelled |= (self.cancelled)(self.counts.total());
+        }
+    }
+
+    /// The light at the time of the sample.
+    fn light(&self, number: u32) -> &PreparedLight {
+        self.moved_lights.get(number as usize).unwrap_or(&self.world.lights[number as usize])
+    }
+}
+
+impl<'w> RayIntegrator<'w> for PathTracer<'w> {
+    const BATCH_SIZE: usize = 256;
+
+    fn world(&self) -> &'w World {
+        self.world
+    }
+
+    fn begin(&mut self, sample: Sample, time: f32) {
+        self.sample = sample;
+        if time != self.time {
+            self.time = time;
+            self.world.move_lights(&mut self.moved_lights, time);
+        }
+    }
+
+    fn eye<P: Probe>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
+        self.path(line, differential.copied(), self.sample, probe)
+    }
+
+    fn push_camera_rays(
+        &mut self,
+        lines: &[DRay],
+        samples: &[Sample],
+        differentials: impl IntoIterator<Item = RayDifferential>,
+    ) {
+        let mut differentials = differentials.into_iter();
+        self.pending.extend(lines.iter().zip(samples).map(|(line, sample)| (*line, *sample, differentials.next())));
+    }
+
+    fn is_full(&self) -> bool {
+        self.pending.len() >= Self::BATCH_SIZE
+    }
+
+    fn trace_pending(&mut self) -> &[Rgb] {
+        let pending = std::mem::take(&mut self.pending);
+        self.colors.clear();
+        for &(line, sample, differential) in &pending {
+            let color = self.path(line, differential, sample, &mut ());
+            self.colors.push(color);
+        }
+        self.pending = pending;
+        self.pending.clear();
+        &self.colors
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled
+    }
+
+    fn counts(&mut self) -> &mut RayCounts {
+        &mut self.counts
+    }
+}
