@@ -2,8 +2,9 @@
 
 use super::arithmetic::{CONSTANTS, FUNCTIONS, MAX_COPIES, MAX_KEPT_COPIES, MEDIA};
 use super::nodes::{
-    self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE, LENS, LIGHTS,
-    MATERIAL_NODE, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
+    self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CONDUCTOR, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE,
+    LENS, LIGHTS, MATERIAL_NODE, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES,
+    TRANSFORMS, kind_of,
 };
 use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
@@ -23,7 +24,7 @@ pub fn reference_markdown() -> String {
     let inner: &[(&NodeSchema, &[(&NodeSchema, &str)])] = &[
         (&FILM, &[(&SAMPLE, "film: sample"), (&FILTER, "film: filter")]),
         (&CAMERA, &[(&LENS, "camera: lens"), (&CAMERA_MOTION, "camera: motion")]),
-        (&MATERIAL_NODE, &[(&SURFACE_TEXTURE, "material: texture")]),
+        (&MATERIAL_NODE, &[(&CONDUCTOR, "material: conductor"), (&SURFACE_TEXTURE, "material: texture")]),
     ];
     for setting in SETTINGS {
         node(&mut out, setting.schema, setting.schema.name);

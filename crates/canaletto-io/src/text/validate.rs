@@ -1,6 +1,6 @@
 //! The validation of nodes against their schema.
 
-use super::arithmetic::{ETA, closest_color, closest_medium};
+use super::arithmetic::{closest_color, closest_medium, takes_media};
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{self, TRANSFORMS};
@@ -289,7 +289,7 @@ impl<'a> Validator<'a> {
                             "a colour is 3 linear numbers, a gray, a name such as orange, or srgb \"#ff8800\"".into()
                         }
                     },
-                    Some(text) if subject == ETA => match closest_medium(text) {
+                    Some(text) if takes_media(subject) => match closest_medium(text) {
                         Some(medium) => format!("did you mean \"{medium}\"?"),
                         None => String::new(),
                     },

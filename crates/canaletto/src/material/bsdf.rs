@@ -3,7 +3,7 @@
 //! Directions are unit vectors that point away from the surface. An integrator adds light along `wi` to the light that
 //! leaves along `wo`. Overlay and coverage of a [`MaterialPoint`](super::MaterialPoint) are not part of it.
 
-use super::{MaterialModel, MaterialPoint, PhongBsdf};
+use super::{ConductorBsdf, DielectricBsdf, MaterialModel, MaterialPoint, PhongBsdf};
 use crate::math::Rgb;
 use glam::DVec3;
 
@@ -13,6 +13,10 @@ use glam::DVec3;
 pub enum Bsdf {
     /// The scattering of (5.39b).
     Phong(PhongBsdf),
+    /// A metal.
+    Conductor(ConductorBsdf),
+    /// The boundary of a clear body by Fresnel's equations.
+    Dielectric(DielectricBsdf),
 }
 
 /// The surface and the media at a scattering point.
@@ -61,6 +65,8 @@ impl MaterialPoint {
     pub fn bsdf(&self, frame: ScatteringFrame) -> Bsdf {
         match &self.model {
             MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
+            MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
+            MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),
         }
     }
 }
@@ -72,6 +78,8 @@ impl Bsdf {
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
         match self {
             Bsdf::Phong(phong) => phong.eval(wo, wi),
+            Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
+            Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
         }
     }
 
@@ -80,6 +88,8 @@ impl Bsdf {
     pub fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         match self {
             Bsdf::Phong(phong) => phong.sample(wo, u_lobe, u),
+            Bsdf::Conductor(conductor) => conductor.sample(wo, u),
+            Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u_lobe, u),
         }
     }
 
@@ -88,6 +98,8 @@ impl Bsdf {
     pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
         match self {
             Bsdf::Phong(phong) => phong.pdf(wo, wi),
+            Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
+            Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
         }
     }
 
@@ -95,6 +107,8 @@ impl Bsdf {
     pub fn is_delta(&self) -> bool {
         match self {
             Bsdf::Phong(phong) => phong.is_delta(),
+            Bsdf::Conductor(conductor) => conductor.is_delta(),
+            Bsdf::Dielectric(dielectric) => dielectric.is_delta(),
         }
     }
 }

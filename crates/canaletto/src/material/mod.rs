@@ -1,7 +1,13 @@
 //! Materials: how surfaces respond to light.
 
 mod bsdf;
+#[cfg(test)]
+mod bsdf_tests;
 mod bump;
+mod conductor;
+mod dielectric;
+mod fresnel;
+mod ggx;
 mod mapping;
 mod microfacet;
 mod model;
@@ -13,6 +19,9 @@ mod texture_use;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
+pub use conductor::{Conductor, ConductorBsdf, METALS};
+pub use dielectric::{Dielectric, DielectricBsdf};
+pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};
 pub use model::MaterialModel;

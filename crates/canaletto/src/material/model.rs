@@ -1,6 +1,6 @@
 //! The closed set of material models.
 
-use super::Phong;
+use super::{Conductor, Dielectric, Phong};
 use crate::OutOfRange;
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,10 @@ use serde::{Deserialize, Serialize};
 pub enum MaterialModel {
     /// Phong's model with a mirror and a clear body.
     Phong(Phong),
+    /// A metal.
+    Conductor(Conductor),
+    /// A clear body whose boundary obeys Fresnel's equations.
+    Dielectric(Dielectric),
 }
 
 impl Default for MaterialModel {
@@ -25,12 +29,27 @@ impl From<Phong> for MaterialModel {
     }
 }
 
+impl From<Conductor> for MaterialModel {
+    fn from(conductor: Conductor) -> MaterialModel {
+        MaterialModel::Conductor(conductor)
+    }
+}
+
+impl From<Dielectric> for MaterialModel {
+    fn from(dielectric: Dielectric) -> MaterialModel {
+        MaterialModel::Dielectric(dielectric)
+    }
+}
+
 impl MaterialModel {
-    /// The coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms.
+    /// The coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms. Other models have those
+    /// that come nearest to them.
     #[inline(always)]
     pub fn phong(&self) -> &Phong {
         match self {
-            MaterialModel::Phong(phong) => phong,
+            MaterialModel::Phong(phong)
+            | MaterialModel::Conductor(Conductor { phong, .. })
+            | MaterialModel::Dielectric(Dielectric { phong }) => phong,
         }
     }
 
@@ -38,7 +57,9 @@ impl MaterialModel {
     #[inline(always)]
     pub fn phong_mut(&mut self) -> &mut Phong {
         match self {
-            MaterialModel::Phong(phong) => phong,
+            MaterialModel::Phong(phong)
+            | MaterialModel::Conductor(Conductor { phong, .. })
+            | MaterialModel::Dielectric(Dielectric { phong }) => phong,
         }
     }
 
@@ -49,6 +70,8 @@ impl MaterialModel {
     pub fn check(&self) -> Result<(), OutOfRange> {
         match self {
             MaterialModel::Phong(phong) => phong.check(),
+            MaterialModel::Conductor(conductor) => conductor.check(),
+            MaterialModel::Dielectric(dielectric) => dielectric.check(),
         }
     }
 }

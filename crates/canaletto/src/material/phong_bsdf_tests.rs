@@ -75,7 +75,7 @@ fn rgb(c: Rgb) -> [f64; 3] {
 
 /// The probability of all delta lobes.
 fn delta(bsdf: &Bsdf) -> f64 {
-    let Bsdf::Phong(phong) = bsdf;
+    let Bsdf::Phong(phong) = bsdf else { panic!("{bsdf:?}") };
     LOBES.iter().enumerate().filter(|(_, l)| phong.is_delta_lobe(**l)).map(|(i, _)| phong.probability(i)).sum()
 }
 

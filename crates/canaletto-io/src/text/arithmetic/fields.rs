@@ -1,7 +1,7 @@
 //! The values of a node, by the types of their fields: expressions become numbers, names of colours three numbers.
 
 use super::color::{SRGB, color_of, linear};
-use super::media::{ETA, eta_of};
+use super::media::{eta_of, takes_media};
 use super::repeat::{Piece, Slot, SlotSource, SlotValue};
 use super::{Evaluator, Place, closest_name, seems_arithmetic};
 use crate::text::nodes::{self, CAMERA, CAMERA_FOLLOW, FOLLOW, KEY, POINT_FOLLOW};
@@ -31,7 +31,7 @@ fn role_of(field: &FieldSchema) -> Role {
     match field.value_type {
         ValueType::Rgb => Role::Color,
         ValueType::Many(_) if field.colors => Role::Colors,
-        ValueType::Numbers(_) if field.name == ETA => Role::Eta,
+        ValueType::Numbers(_) if takes_media(field.name) => Role::Eta,
         ValueType::Numbers(_) | ValueType::Count | ValueType::Counts(_) | ValueType::Many(_) => Role::Number,
         ValueType::Node(words) => words.argument.as_ref().map_or(Role::Other, role_of),
         ValueType::Flag | ValueType::FlagOrKeyword(_) | ValueType::Text | ValueType::Keyword(_) => Role::Other,

@@ -4,6 +4,13 @@ use crate::text::closest_word::closest_word;
 
 /// The field of the coefficient of refraction.
 pub(crate) const ETA: &str = "eta";
+/// The field of a clear body by its coefficient of refraction.
+pub(crate) const DIELECTRIC: &str = "dielectric";
+
+/// Whether a field takes media by name.
+pub(crate) fn takes_media(field: &str) -> bool {
+    field == ETA || field == DIELECTRIC
+}
 
 /// Names with η, and what the number is. The first three are those of the chapter's box 5.7, which prints 1.3 for
 /// water. The others are measured values for yellow light (589 nm) at room temperature, to two digits.

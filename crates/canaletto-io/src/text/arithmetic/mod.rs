@@ -14,7 +14,7 @@ mod tests;
 
 pub(crate) use color::closest_color;
 pub(crate) use expression::{CONSTANTS, FUNCTIONS};
-pub(crate) use media::{ETA, MEDIA, closest_medium};
+pub(crate) use media::{DIELECTRIC, MEDIA, closest_medium, takes_media};
 pub(crate) use repeat::{Copies, MAX_COPIES, MAX_KEPT_COPIES, REPEAT, Repeat};
 
 use super::closest_word::closest_word;

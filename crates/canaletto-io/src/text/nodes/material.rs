@@ -2,12 +2,16 @@
 
 use super::change;
 use super::surface_texture::TEXTURE;
+use crate::text::arithmetic::DIELECTRIC;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{Field, FieldSchema, NodeSchema, Text, rgb};
+use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
-use canaletto::material::{Material, Parameter, ParameterInfo, ParameterValue, Phong};
+use canaletto::OutOfRange;
+use canaletto::material::{
+    Conductor, Dielectric, METALS, Material, MaterialModel, Parameter, ParameterInfo, ParameterValue, Phong,
+};
 use canaletto::math::Rgb;
 use std::collections::HashMap;
 
@@ -64,10 +68,67 @@ const PRIORITY: Field<f32> = Field::new(
 .or(|| Material::default().priority.to_string());
 const TWO_SIDED: Field<bool> =
     Field::new("two-sided", "#true lets the inner side emit the emission, too").or(|| "#false".into());
+
+/// The names of metals.
+const METAL_NAMES: [&str; METALS.len()] = {
+    let mut names = [""; METALS.len()];
+    let mut i = 0;
+    while i < METALS.len() {
+        names[i] = METALS[i].0;
+        i += 1;
+    }
+    names
+};
+const METAL: Field<Text> = Field::kind(&METAL_NAMES, "a metal by its name, instead of the numbers");
+const METAL_ETA: Field<Rgb> = Field::new("eta", "the index of refraction in red, green and blue, more than 0");
+const METAL_K: Field<Rgb> = Field::new("k", "the absorption in red, green and blue, the imaginary part of the index");
+
+/// `conductor` in a material.
+pub(crate) static CONDUCTOR: NodeSchema = NodeSchema::new(
+    "conductor",
+    "A metal by name, or by its measured index of refraction. Its surface is smooth, or rough by the material's \
+     `roughness`.",
+    &[&[METAL_ETA.schema, METAL_K.schema]],
+)
+.argument(METAL.schema)
+.example("material \"gold\" { conductor \"gold\"; roughness 0.3 }");
+
+const CONDUCTOR_FIELD: Field<Block> =
+    Field::block(&CONDUCTOR, "a metal, instead of kd, ks, n, k, eta and opacity; see below");
+const DIELECTRIC_FIELD: Field<f32> = Field::new(
+    DIELECTRIC,
+    "a clear body of this η, or of a medium's name, instead of kd, ks, n, k, eta and opacity: its surface mirrors and \
+     refracts by Fresnel's equations",
+);
+const ALPHA: Field<f32> =
+    Field::new("alpha", "instead of roughness: its square, the width of the distribution of microfacets");
+
+/// What the two models leave out.
+const OF_PHONG: [Parameter; 6] = [
+    Parameter::Diffuse,
+    Parameter::Specular,
+    Parameter::Exponent,
+    Parameter::Mirror,
+    Parameter::Eta,
+    Parameter::Opacity,
+];
+
 pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
     "material",
-    "What a surface does with light: Phong's model, a mirror, a clear body, light of its own.",
-    &[&PARAMETERS, &[TWO_SIDED.schema, COVERAGE.schema, PRIORITY.schema, TEXTURE.schema]],
+    "What a surface does with light: Phong's model, a mirror, a clear body, light of its own. `conductor` and \
+     `dielectric` are metals and clear bodies as path tracing has them; other integrators take what comes nearest.",
+    &[
+        &PARAMETERS,
+        &[
+            CONDUCTOR_FIELD.schema,
+            DIELECTRIC_FIELD.schema,
+            ALPHA.schema,
+            TWO_SIDED.schema,
+            COVERAGE.schema,
+            PRIORITY.schema,
+            TEXTURE.schema,
+        ],
+    ],
 )
 .argument(NAME.schema)
 .example("material \"glass\" { kd 0 0 1; ks 1; n 50; eta 1.2; opacity 0.4 }");
@@ -112,8 +173,62 @@ impl<'a> Decoder<'a> {
         self.scene.materials[index] = material;
     }
 
+    /// The metal or the clear body of a material, if its node has one.
+    fn physical_model(&mut self, fields: &Fields) -> Option<MaterialModel> {
+        let metal = self.block_or_word(fields, &CONDUCTOR_FIELD);
+        let body = fields.get(&DIELECTRIC_FIELD);
+        if metal.is_some() && body.is_some() {
+            let problem = "and conductor are two models; a material has one";
+            self.out_of_range(fields, &OutOfRange::new(DIELECTRIC, problem));
+            return None;
+        }
+        let model: MaterialModel = match (metal, body) {
+            (Some(Err(name)), _) => Conductor::named(name)?.into(),
+            (Some(Ok(inner)), _) => {
+                let named = inner.text(&METAL).and_then(Conductor::named);
+                let (eta, k) = (inner.get(&METAL_ETA), inner.get(&METAL_K));
+                let (eta, k) = (eta.or(named.map(|m| m.eta)), k.or(named.map(|m| m.k)));
+                let (Some(eta), Some(k)) = (eta, k) else {
+                    if !inner.valid {
+                        return None;
+                    }
+                    let problem = "needs the name of a metal, or eta and k";
+                    self.out_of_range(fields, &OutOfRange::new(CONDUCTOR.name, problem));
+                    return None;
+                };
+                Conductor::new(eta, k).into()
+            }
+            (None, Some(eta)) if eta > 0.0 && eta.is_finite() => Dielectric::new(eta).into(),
+            (None, Some(eta)) => {
+                let problem = format!("is {eta}; the coefficient of refraction must be more than 0");
+                self.out_of_range(fields, &OutOfRange::new(DIELECTRIC, problem));
+                return None;
+            }
+            (None, None) => return None,
+        };
+        for row in OF_PHONG.map(Parameter::info).iter().filter(|row| fields.has_named(row.name)) {
+            let problem = "is of Phong's model, which conductor and dielectric replace; leave it out";
+            self.out_of_range(fields, &OutOfRange::new(row.name, problem));
+        }
+        Some(model)
+    }
+
     fn change_material(&mut self, fields: &Fields, material: &mut Material) {
+        if let Some(model) = self.physical_model(fields) {
+            let Phong { roughness, emission, .. } = *material.phong();
+            material.model = model;
+            let phong = material.model.phong_mut();
+            (phong.roughness, phong.emission) = (roughness, emission);
+        }
+        let alpha = fields.get(&ALPHA);
+        if let Some(alpha) = alpha.filter(|alpha| !(0.0..=1.0).contains(alpha)) {
+            let problem = format!("is {alpha}; it must be between 0 (polished) and 1");
+            self.out_of_range(fields, &OutOfRange::new(ALPHA.name(), problem));
+        }
         let phong = material.model.phong_mut();
+        if let Some(alpha) = alpha {
+            phong.roughness = alpha.clamp(0.0, 1.0).sqrt();
+        }
         for row in Parameter::ALL {
             let value = if row.is_color() {
                 fields.get(&color(row)).map(ParameterValue::Color)

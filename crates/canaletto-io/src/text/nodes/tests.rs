@@ -27,8 +27,18 @@ fn address(schema: &'static NodeSchema) -> usize {
 fn schemas() -> Vec<(&'static NodeSchema, String)> {
     let settings = SETTINGS.iter().map(|setting| setting.schema);
     let objects = OBJECTS.iter().map(|object| &object.schema);
-    let blocks =
-        [&SAMPLE, &FILTER, &LENS, &CAMERA_MOTION, &SURFACE_TEXTURE, &MOTION, &FOLLOW, &CAMERA_FOLLOW, &POINT_FOLLOW];
+    let blocks = [
+        &SAMPLE,
+        &FILTER,
+        &LENS,
+        &CAMERA_MOTION,
+        &CONDUCTOR,
+        &SURFACE_TEXTURE,
+        &MOTION,
+        &FOLLOW,
+        &CAMERA_FOLLOW,
+        &POINT_FOLLOW,
+    ];
     let lights = LIGHTS.iter().map(|light| &light.schema);
     let environments = ENVIRONMENTS.iter().map(|environment| &environment.schema);
     let textures = TEXTURES.iter().map(|texture| &texture.schema);
@@ -67,6 +77,8 @@ const MORE: &[&str] = &[
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center 0 0 0; radius 1; follow \"p\" { at 0.5; face 1 0 0 } }",
     "integrator \"zbuffer\" { shading \"flat\" }",
     "integrator \"radiosity\" { method \"shooting\"; error 0.1 }",
+    "integrator \"path\" { max-depth 4; roulette #false }",
+    "material \"m\" { conductor { eta 1 1 1; k 1 1 1 }; alpha 0.1 }",
     "path \"p\" { points 0 0 0  1 0 0 }\ncamera { follow \"p\" along=#true }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center { follow \"p\" at=1 }; radius 1 }",
 ];

@@ -19,6 +19,7 @@ mod trace;
 use super::media::Media;
 use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};
 use crate::light::PreparedLight;
+use crate::material::MaterialModel;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
@@ -41,7 +42,7 @@ impl PreparedPath {
             .materials()
             .iter()
             .zip(used)
-            .filter(|(material, used)| *used && material.phong().largest_albedo() > 1.0 + 1e-6)
+            .filter(|(material, used)| *used && gains_light(&material.model))
             .map(|(material, _)| material.name.as_str())
             .collect();
         let warnings = match gains[..] {
@@ -83,6 +84,11 @@ impl PreparedRayIntegrator for PreparedPath {
             colors: Vec::new(),
         }
     }
+}
+
+/// Whether a material would return more light than arrives. Models of physics never do.
+fn gains_light(model: &MaterialModel) -> bool {
+    matches!(model, MaterialModel::Phong(phong) if phong.largest_albedo() > 1.0 + 1e-6)
 }
 
 /// The number of rays between two calls of the cancel callback.

@@ -6,7 +6,7 @@ use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::light::LightSample;
-use crate::material::{Bsdf, BsdfSample, Lobe, MaterialPoint, ScatteringFrame};
+use crate::material::{Bsdf, BsdfSample, Lobe, MaterialModel, MaterialPoint, ScatteringFrame};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
@@ -240,7 +240,9 @@ impl PathTracer<'_> {
             Some(Refraction::Straight) | None => 1.0,
         };
         let mut material = met.material;
-        material.model.phong_mut().bound_albedo();
+        if let MaterialModel::Phong(phong) = &mut material.model {
+            phong.bound_albedo();
+        }
         if crossing.is_none() {
             // Nothing is known of what lies beyond, so nothing passes, as in the classic integrator.
             material.model.phong_mut().opacity = 1.0;

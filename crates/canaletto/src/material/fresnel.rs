@@ -1,0 +1,71 @@
+//! Fresnel's equations for unpolarised light: the share of light that a smooth boundary mirrors.
+
+use crate::math::Rgb;
+
+/// The share that the boundary of two clear media mirrors. `cos` ≥ 0 is the cosine of the angle of incidence, and
+/// `eta_ratio` is ηᵢ/ηₜ. It is 1 beyond the critical angle.
+pub fn fresnel_dielectric(cos: f64, eta_ratio: f64) -> f64 {
+    let sin2 = eta_ratio * eta_ratio * (1.0 - cos * cos).max(0.0);
+    if sin2 >= 1.0 {
+        return 1.0;
+    }
+    let transmitted = (1.0 - sin2).sqrt();
+    let parallel = (cos - eta_ratio * transmitted) / (cos + eta_ratio * transmitted);
+    let perpendicular = (eta_ratio * cos - transmitted) / (eta_ratio * cos + transmitted);
+    0.5 * (parallel * parallel + perpendicular * perpendicular)
+}
+
+/// The share that a metal with the complex index η + ik mirrors in air.
+pub fn fresnel_conductor(cos: f64, eta: Rgb, k: Rgb) -> Rgb {
+    let [eta, k] = [eta, k].map(|v| v.to_array().map(f64::from));
+    Rgb::from([0, 1, 2].map(|c: usize| conductor(cos.clamp(0.0, 1.0), eta[c], k[c]) as f32))
+}
+
+/// One component. a² + b² is the squared length of √(η² − k² − sin² θ + 2iηk).
+fn conductor(cos: f64, eta: f64, k: f64) -> f64 {
+    let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
+    let real = eta * eta - k * k - sin2;
+    let length = (real * real + 4.0 * eta * eta * k * k).sqrt();
+    let a = (0.5 * (length + real)).max(0.0).sqrt();
+    let perpendicular = (length + cos2 - 2.0 * a * cos) / (length + cos2 + 2.0 * a * cos);
+    let (t1, t2) = (cos2 * length + sin2 * sin2, 2.0 * a * cos * sin2);
+    let parallel = perpendicular * (t1 - t2) / (t1 + t2);
+    0.5 * (perpendicular + parallel)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At normal incidence F = ((η − 1)² + k²) / ((η + 1)² + k²). A metal without absorption is a dielectric.
+    #[test]
+    fn known_values() {
+        assert!((fresnel_dielectric(1.0, 1.0 / 1.5) - 0.04).abs() < 1e-12);
+        assert!((fresnel_dielectric(1.0, 1.5) - 0.04).abs() < 1e-12 && fresnel_dielectric(0.5, 1.5) == 1.0);
+        // Brewster's angle: no light of one polarisation, so half of the other one.
+        let brewster = libm::cos(libm::atan(1.5));
+        let perpendicular = (1.0 - 1.5f64 * 1.5) / (1.0 + 1.5 * 1.5);
+        assert!((fresnel_dielectric(brewster, 1.0 / 1.5) - 0.5 * perpendicular * perpendicular).abs() < 1e-12);
+        let (eta, k) = (Rgb::new(0.143, 0.375, 1.442), Rgb::new(3.983, 2.386, 1.603));
+        let f0 = fresnel_conductor(1.0, eta, k);
+        for (f0, expected) in f0.to_array().into_iter().zip([0.966_688, 0.802_205, 0.324_034]) {
+            assert!((f0 - expected).abs() < 1e-5, "{f0}");
+        }
+        for cos in [1.0, 0.7, 0.3, 0.05] {
+            let glass = fresnel_conductor(cos, Rgb::gray(1.5), Rgb::BLACK).r;
+            assert!((f64::from(glass) - fresnel_dielectric(cos, 1.0 / 1.5)).abs() < 1e-6, "{cos}: {glass}");
+        }
+    }
+
+    /// The mean over the cosine-weighted hemisphere for η = 1.5 is 0.0918 from outside and 0.5963 from inside.
+    #[test]
+    fn means_over_the_hemisphere() {
+        for (ratio, expected) in [(1.0 / 1.5, 0.0918), (1.5, 0.5963)] {
+            let n = 20_000;
+            let mean =
+                (0..n).map(|i| fresnel_dielectric(((f64::from(i) + 0.5) / f64::from(n)).sqrt(), ratio)).sum::<f64>()
+                    / f64::from(n);
+            assert!((mean - expected).abs() < 1e-4, "{mean}");
+        }
+    }
+}

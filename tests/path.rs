@@ -1,0 +1,100 @@
+//! Path tracing beside the other integrators, and its promises of equal bytes.
+
+use canaletto::camera::Camera;
+use canaletto::film::Picture;
+use canaletto::render::{Job, render};
+use canaletto::scene::{PathSettings, RadiositySettings, SamplerKind, Sampling, Scene};
+use canaletto::world::World;
+use canaletto_io::assets::FolderAssets;
+use canaletto_io::text::read_scene;
+use canaletto_tests::assert_same_picture;
+use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
+use canaletto_tests::root;
+
+const PATH: PathSettings = PathSettings::DEFAULT;
+
+fn project_scene(name: &str) -> Scene {
+    let assets = FolderAssets::new(root().join("scenes")).unwrap();
+    read_scene(name, &assets).unwrap().0
+}
+
+/// The mean colours of square blocks of a picture.
+fn blocks(picture: &Picture, side: u32) -> Vec<[f64; 3]> {
+    let mut means = Vec::new();
+    for top in (0..picture.height).step_by(side as usize) {
+        for left in (0..picture.width).step_by(side as usize) {
+            let mut sum = [0.0; 3];
+            for i in 0..side * side {
+                let color = picture.pixel(left + i % side, top + i / side).to_array();
+                sum.iter_mut().zip(color).for_each(|(sum, v)| *sum += f64::from(v) / f64::from(side * side));
+            }
+            means.push(sum);
+        }
+    }
+    means
+}
+
+/// In the Cornell box all surfaces are matte, so both integrators find the same light.
+#[test]
+fn paths_find_the_light_of_radiosity() {
+    let mut scene = project_scene("cornell-box.kdl");
+    (scene.views[0].intrinsics.width, scene.views[0].intrinsics.height) = (64, 64);
+    scene.film.sampling = Sampling::Sampled(256);
+    let world = World::build(scene.clone()).unwrap();
+    let picture = |integrator: canaletto::scene::Integrator, seed: u64| {
+        let camera = Camera::of(&scene.views[0]).unwrap();
+        let job = Job { seed, ..Job::new(camera, scene.film, integrator) };
+        render(&world, &job, &()).unwrap().picture
+    };
+    let radiosity = blocks(&picture(RadiositySettings { error: 0.003, ..RadiositySettings::DEFAULT }.into(), 0), 16);
+    let [one, two] = [1, 2].map(|seed| blocks(&picture(PATH.into(), seed), 16));
+    let (mut worst, mut sum) = (0.0f64, [0.0; 2]);
+    for ((radiosity, one), two) in radiosity.iter().zip(&one).zip(&two) {
+        for c in 0..3 {
+            let path = 0.5 * (one[c] + two[c]);
+            sum[0] += path;
+            sum[1] += radiosity[c];
+            // Two pictures tell the noise of their mean.
+            let noise = (one[c] - two[c]).abs();
+            worst = worst.max(((path - radiosity[c]).abs() - 2.0 * noise) / radiosity[c].max(0.02));
+        }
+    }
+    let mean = sum[0] / sum[1] - 1.0;
+    println!("mean {mean:+.5}, worst block {worst:.4}");
+    assert!(mean.abs() < 0.004 && worst < 0.03, "mean {mean:+.5}, worst block {worst:.4}");
+}
+
+#[test]
+fn threads_and_tiles_change_no_bit_of_paths() {
+    let mut pictures = Vec::new();
+    for threads in [1, 2, 3, 7] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let world = World::build(distributed_still_life(1.0)).unwrap();
+            for tile in [5, 64] {
+                let mut job = distributed_job(1.0, 60, 45, 4, SamplerKind::Sobol);
+                (job.integrator, job.tile) = (PATH.into(), tile);
+                let rendering = render(&world, &job, &()).unwrap();
+                assert!(rendering.complete);
+                pictures.push((format!("{threads} threads, tile {tile}"), rendering));
+            }
+        });
+    }
+    for (name, rendering) in &pictures {
+        assert_same_picture(&rendering.picture, &pictures[0].1.picture, name);
+        assert_eq!(rendering.counts, pictures[0].1.counts, "{name}");
+    }
+}
+
+#[test]
+fn the_unit_of_length_changes_no_bit_of_paths() {
+    let picture = |scale: f32| {
+        let world = World::build(still_life(scale)).unwrap();
+        let mut job = still_life_job(scale, 60, 45, Sampling::Sampled(4));
+        job.integrator = PATH.into();
+        render(&world, &job, &()).unwrap().picture
+    };
+    for scale in [1.0 / 1024.0, 64.0] {
+        assert_same_picture(&picture(scale), &picture(1.0), &format!("scale {scale}"));
+    }
+}
