@@ -165,7 +165,8 @@ pub(crate) struct PictureFlags {
     #[arg(long, value_name = "STAGE", value_parser = named::<Stage>(), help_heading = "Light")]
     pub stage: Option<Stage>,
 
-    /// Sets the largest depth of reflected and refracted rays; camera rays have depth 1
+    /// Sets the largest depth of reflected and refracted rays; camera rays have depth 1. Of paths, the most surfaces
+    /// that scatter light
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256),
         help_heading = "Light")]
     pub max_depth: Option<u32>,

@@ -56,6 +56,9 @@ impl Settings {
         {
             settings.shadows = ShadowMethod::None;
         }
+        if let Some(settings) = integrator.path_mut() {
+            settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
+        }
         if let Some(settings) = integrator.whitted_mut() {
             settings.stage = flags.stage.unwrap_or(settings.stage);
             settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);

@@ -1,8 +1,8 @@
 //! Metals: a smooth or rough boundary of a conductor, with GGX microfacets.
 //!
 //! Light that one scattering loses between the microfacets is given back as a share of it (Turquin, *Practical Multiple
-//! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part is
-//! not reciprocal.
+//! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part
+//! is not reciprocal.
 
 use super::{BsdfSample, Lobe, Phong, ScatteringFrame, fresnel_conductor, ggx, ggx_vndf_pdf, reflect, sample_ggx_vndf};
 use crate::OutOfRange;

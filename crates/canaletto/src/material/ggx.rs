@@ -1,5 +1,5 @@
-//! The GGX distribution of microfacets with height-correlated shadowing and masking (Walter et al. 2007; Heitz, *Understanding
-//! the Masking-Shadowing Function*, 2014), and the light that one scattering loses.
+//! The GGX distribution of microfacets with height-correlated shadowing and masking (Walter et al. 2007; Heitz,
+//! *Understanding the Masking-Shadowing Function*, 2014), and the light that one scattering loses.
 
 use super::microfacet::sample_ggx_vndf;
 use super::reflect;
@@ -12,8 +12,8 @@ fn lambda(cos: f64, alpha: f64) -> f64 {
     0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
 }
 
-/// G₂ / G₁(wo): the share of the microfacets seen from one direction that the other one sees, too. The cosines are those
-/// of the directions and the normal.
+/// G₂ / G₁(wo): the share of the microfacets seen from one direction that the other one sees, too. The cosines are
+/// those of the directions and the normal.
 pub(super) fn shadowing(cos_o: f64, cos_i: f64, roughness: f64) -> f64 {
     let alpha = roughness * roughness;
     let (o, i) = (lambda(cos_o, alpha), lambda(cos_i, alpha));

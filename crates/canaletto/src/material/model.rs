@@ -42,8 +42,8 @@ impl From<Dielectric> for MaterialModel {
 }
 
 impl MaterialModel {
-    /// The coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms. Other models have those
-    /// that come nearest to them.
+    /// The coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms. Other models have
+    /// those that come nearest to them.
     #[inline(always)]
     pub fn phong(&self) -> &Phong {
         match self {

@@ -145,8 +145,8 @@ impl Integrator {
         }
     }
 
-    /// The settings of path tracing, if it is this one.
-    pub fn path(&self) -> Option<&PathSettings> {
+    /// The settings of path tracing, if it is this one, to be changed.
+    pub fn path_mut(&mut self) -> Option<&mut PathSettings> {
         match self {
             Integrator::Path(settings) => Some(settings),
             _ => None,

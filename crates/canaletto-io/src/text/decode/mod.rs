@@ -69,12 +69,17 @@ pub(crate) fn decode(
     (decoder.valid.then_some(decoder.scene), decoder.validator.report)
 }
 
-/// The sampling of a scene that says nothing of it. The samples of a z-buffer have equal places in all pixels.
+/// The number of paths in a pixel of a scene that says nothing of it. A noisy preview takes seconds.
+const DEFAULT_PATHS: u32 = 64;
+
+/// The sampling of a scene that says nothing of it. The samples of a z-buffer have equal places in all pixels. Paths
+/// differ everywhere, so that no pixel may have fewer.
 fn default_sampling(nodes: &[Node]) -> Sampling {
     let integrator = nodes.iter().rev().find(|node| *node.name == *INTEGRATOR.name);
     let kind = integrator.and_then(|node| node.values.first()?.as_text());
     match (kind.and_then(Integrator::from_name), DEFAULT_SAMPLING) {
         (Some(Integrator::Zbuffer(_)), Sampling::Adaptive { n, .. }) => Sampling::Regular(n),
+        (Some(Integrator::Path(_)), _) => Sampling::Sampled(DEFAULT_PATHS),
         (_, sampling) => sampling,
     }
 }

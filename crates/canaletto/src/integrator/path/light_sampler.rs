@@ -34,6 +34,17 @@ pub(super) struct LightSampler {
     visible_lights_are_emitters: bool,
 }
 
+/// The power by which a light is chosen, in a scene of this radius. A light without a matte surface is as bright from
+/// near as from afar, but for its attenuation. It counts as one from infinity does, so that the unit of length changes
+/// no choice.
+fn importance(light: &PreparedLight, radius: f64) -> Rgb {
+    if light.light.emission == Emission::Matte {
+        return light.power(radius);
+    }
+    let intensity = light.point_intensity() * light.points() as f32;
+    intensity * (PI * PI * radius * radius) as f32 / light.attenuation_divisor(radius as f32)
+}
+
 impl LightSampler {
     pub(super) fn new(world: &World) -> LightSampler {
         // An attenuated light isn't as bright from afar as its surface looks.
@@ -59,7 +70,7 @@ impl LightSampler {
             }
         };
         for (i, light) in (0..).zip(&world.lights).filter(|(_, light)| !is_emitter(light)) {
-            push(Source::Light(i), light.power(radius));
+            push(Source::Light(i), importance(light, radius));
         }
         if let Some(environment) = &environment {
             push(Source::Environment, environment.mean() * (4.0 * PI * PI * radius * radius) as f32);

@@ -17,7 +17,8 @@ pub(super) struct SurfaceInteraction<'a> {
     pub(super) footprint: Option<&'a Footprint>,
     /// The bodies that the ray is in.
     pub(super) inside: u32,
-    /// The crossing for rays into a clear body, with the coinciding surfaces, or [`NONE`](crate::integrator::media::NONE).
+    /// The crossing for rays into a clear body, with the coinciding surfaces, or
+    /// [`NONE`](crate::integrator::media::NONE).
     pub(super) crossing: u32,
     /// The state of the ray.
     pub(super) path_state: PathState,
