@@ -89,8 +89,10 @@ fn diagrams_are_well_formed_and_used() {
         let svg = drawing.root_element();
         assert_eq!(svg.tag_name().namespace(), Some("http://www.w3.org/2000/svg"), "{}", path.display());
         assert!(svg.has_attribute("viewBox"), "{}", path.display());
-        // A page that shows a drawing as a picture loads nothing for it.
-        let loads = svg.descendants().any(|node| ["script", "image", "use"].contains(&node.tag_name().name()));
+        // A page that shows a drawing as a picture loads nothing for it. A picture may stand in the drawing itself.
+        let holds = |node: &roxmltree::Node| node.attribute("href").is_some_and(|href| href.starts_with("data:"));
+        let loads =
+            svg.descendants().any(|node| ["script", "image", "use"].contains(&node.tag_name().name()) && !holds(&node));
         assert!(!loads, "{} loads something", path.display());
         diagrams += 1;
     }

@@ -60,8 +60,12 @@ const PICTURES: [(&str, &str); 10] = [
 ];
 
 /// Large pictures, of which one part is rendered again: scene, and the part's left, top, width and height.
-const PARTS: [(&str, [u32; 4]); 3] =
-    [("grand-canal", [440, 320, 128, 72]), ("gyroid", [300, 200, 96, 64]), ("still-life", [300, 250, 240, 160])];
+const PARTS: [(&str, [u32; 4]); 4] = [
+    ("grand-canal", [440, 320, 128, 72]),
+    ("gyroid", [300, 200, 96, 64]),
+    ("still-life", [300, 250, 240, 160]),
+    ("path", [120, 210, 40, 30]),
+];
 
 fn scene(folder: &str, name: &str) -> Scene {
     let assets = FolderAssets::new(root().join(folder)).expect("the scenes are there");

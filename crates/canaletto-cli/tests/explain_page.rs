@@ -155,3 +155,17 @@ fn names_are_escaped_and_wrong_outputs_named() {
     assert_eq!(nowhere.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&nowhere.stderr).contains("none"));
 }
+
+#[test]
+fn no_drawing_replaces_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("a.kdl");
+    let text = "camera { eye 0 0 5; center 0 0 0; size 8 8 }\nsphere { center 0 0 0; radius 1 }\n";
+    std::fs::write(&scene, text).unwrap();
+    for flag in ["--svg", "--html"] {
+        let output = run(folder.path(), &format!("a.kdl -p 4,4 {flag} a.kdl"));
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains(flag), "{errors}");
+        assert_eq!(std::fs::read_to_string(&scene).unwrap(), text);
+    }
+}

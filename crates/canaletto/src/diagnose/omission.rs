@@ -53,7 +53,8 @@ impl fmt::Display for Omission {
             }
             Omission::Ambient { integrator, ambient } => {
                 let [r, g, b] = ambient.to_array();
-                write!(f, "ambient {r} {g} {b} is not added: \"{integrator}\" computes what ambient stands for")
+                let method = if *integrator == "path" { "path tracing" } else { integrator };
+                write!(f, "ambient {r} {g} {b} is not added: {method} computes what ambient stands for")
             }
             Omission::Substitute { sentence, names } => {
                 write!(f, "{sentence}")?;
@@ -172,7 +173,7 @@ mod tests {
             all.iter().map(Omission::to_string).collect::<Vec<_>>()
         };
         let radiosity = Integrator::Radiosity(RadiositySettings::DEFAULT);
-        let sentence = "ambient 0.2 0.1 0 is not added: \"radiosity\" computes what ambient stands for";
+        let sentence = "ambient 0.2 0.1 0 is not added: radiosity computes what ambient stands for";
         assert_eq!(told(Rgb::from([0.2, 0.1, 0.0]), radiosity), [sentence]);
         assert!(told(Rgb::BLACK, radiosity).is_empty());
         assert!(told(Rgb::WHITE, WhittedSettings::DEFAULT.into()).is_empty());

@@ -4,6 +4,7 @@ use super::ExplainFlags;
 use super::data_url::data_url;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
+use crate::output::replaced;
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
@@ -14,6 +15,7 @@ use canaletto::render::Job;
 use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
 use canaletto::world::World;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What is explained.
@@ -84,6 +86,12 @@ impl<'a> Subject<'a> {
         let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
         let mut source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
         print_diagnostics(&source.warnings, false);
+        for (flag, file) in [("--svg", &flags.svg), ("--html", &flags.html)] {
+            let file = file.clone().filter(|file| file != Path::new("-"));
+            if let Some(input) = file.and_then(|file| reader.replaced_by([file])) {
+                return Err(replaced(flag, &input));
+            }
+        }
         if flags.ray.is_some() && source.scene.views.is_empty() {
             // A ray has no camera, but a job has one.
             source.scene.views.push(View {

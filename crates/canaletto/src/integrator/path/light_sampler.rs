@@ -30,7 +30,7 @@ pub(super) struct LightSampler {
     /// The first source that is an emitter.
     first_emitter: usize,
     pub(super) environment: Option<EnvironmentDistribution>,
-    /// Whether visible lights are lit by as emitting surfaces, so that they aren't sources by themselves.
+    /// Whether visible matte lights are sources by their emitting surfaces instead of by themselves.
     visible_lights_are_emitters: bool,
 }
 
@@ -132,7 +132,7 @@ impl LightSampler {
 
     /// Whether the material shows a light that is a source by itself, so that its surface adds nothing to what is lit.
     pub(super) fn is_only_seen(&self, world: &World, material: u32) -> bool {
-        world.is_of_light(material)
-            && !(self.visible_lights_are_emitters && !world.materials()[material as usize].two_sided)
+        let is_even = || world.materials()[material as usize].two_sided;
+        world.is_of_light(material) && (!self.visible_lights_are_emitters || is_even())
     }
 }

@@ -15,8 +15,7 @@ use glam::{DVec3, Vec3};
 /// The mean of all pixels of a scene seen from `eye` to `center`, and its standard error from groups of pixels.
 fn mean(scene: &Scene, [eye, center]: [Vec3; 2], integrator: impl Into<Integrator>, samples: u32) -> (f64, f64) {
     let intrinsics = Intrinsics { fovy: 20.0, width: 32, height: 32, ..Intrinsics::default() };
-    let extrinsics =
-        Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2), ..Extrinsics::default() };
+    let extrinsics = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2) };
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
     let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, integrator);
     let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;

@@ -261,15 +261,15 @@ impl PathTracer<'_> {
         };
         let u = sample.two(vertex.place.of(uses::LIGHT_POINT));
         let light = match source {
-            Source::Light(number) => self.from_light(vertex, number, u, chosen),
-            Source::Emitter(number) => self.from_emitter(vertex, number, u),
-            Source::Environment => self.from_environment(vertex, u, chosen),
+            Source::Light(number) => self.sample_light(vertex, number, u, chosen),
+            Source::Emitter(number) => self.sample_emitter(vertex, number, u),
+            Source::Environment => self.sample_environment(vertex, u, chosen),
         };
         light.unwrap_or(Rgb::BLACK).saturated()
     }
 
     /// The light of a light that no ray hits.
-    fn from_light(&mut self, vertex: &Vertex, number: u32, u: [f64; 2], chosen: f64) -> Option<Rgb> {
+    fn sample_light(&mut self, vertex: &Vertex, number: u32, u: [f64; 2], chosen: f64) -> Option<Rgb> {
         let light = self.light(number);
         let casts_shadows = light.light.shadows;
         let LightSample { wi, position, li, pdf, .. } = light.sample(vertex.frame.exact, u)?;
@@ -291,7 +291,7 @@ impl PathTracer<'_> {
     }
 
     /// The light of an emitting surface.
-    fn from_emitter(&mut self, vertex: &Vertex, number: u32, u: [f64; 2]) -> Option<Rgb> {
+    fn sample_emitter(&mut self, vertex: &Vertex, number: u32, u: [f64; 2]) -> Option<Rgb> {
         let from = vertex.frame.exact;
         let lights = self.lights;
         let point = lights.emitters.all[number as usize].sample_from(from, u)?;
@@ -326,7 +326,7 @@ impl PathTracer<'_> {
     }
 
     /// The light of the environment.
-    fn from_environment(&mut self, vertex: &Vertex, u: [f64; 2], chosen: f64) -> Option<Rgb> {
+    fn sample_environment(&mut self, vertex: &Vertex, u: [f64; 2], chosen: f64) -> Option<Rgb> {
         let (wi, pdf) = self.lights.environment.as_ref()?.sample(u);
         let radiance = self.world.environment.as_ref()?.radiance_without_sun(wi, [DVec3::ZERO; 2]);
         let f = self.reflected(vertex, wi, radiance)?;
