@@ -120,8 +120,8 @@ pub(crate) struct ExplainFlags {
     #[arg(long, value_name = "FILE.svg", help_heading = "Messages")]
     pub svg: Option<PathBuf>,
 
-    /// Writes a page too, for a browser: the drawing, the way from light to the file, and the terms as tables that fold.
-    /// It needs no other file. - prints the page alone
+    /// Writes a page too, for a browser: the drawing, the way from light to the file, and the terms as tables that
+    /// fold. It needs no other file. - prints the page alone
     #[arg(long, value_name = "FILE.html", help_heading = "Messages")]
     pub html: Option<PathBuf>,
 
