@@ -172,11 +172,7 @@ pub(in crate::integrator) fn visible_hit<P: Probe>(
         }
         let footprint = Footprint::new(differential.as_ref(), &line, &surface);
         let step = footprint.map(|f| f.step);
-        let material = if material.is_plain() {
-            material.at(&surface)
-        } else {
-            world.textured(line, &hit, &mut surface, step, probe)
-        };
+        let material = world.material_point(material, (line, &hit), &mut surface, step, probe);
         if material.coverage > 0.0 || passed >= MAX_HOLES || stalled > MAX_STALLED {
             let footprint = footprint.map(|footprint| {
                 if !material.is_mirror() && !material.is_clear() {

@@ -121,8 +121,8 @@ fn is_outside(p: DVec3, center: DVec3, radius: f64) -> bool {
     p.distance(center) > radius * (1.0 + 1e-5)
 }
 
-/// The cumulative sums of areas.
-fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+/// The cumulative sums of areas, or of other weights.
+pub(crate) fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     areas.scan(0.0, |sum, area| {
         *sum += area;
         Some(*sum)

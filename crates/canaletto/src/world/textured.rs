@@ -4,7 +4,8 @@
 use super::GeometryProbe;
 use super::{Hit, MeshFacet, World};
 use crate::material::{
-    MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map, clamp_to_hemisphere,
+    Material, MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map,
+    clamp_to_hemisphere,
 };
 use crate::math::{DRay, Transform};
 use crate::shape::{Surface, SurfaceDifferential};
@@ -65,6 +66,20 @@ impl World {
             None => local.surface_differential,
             Some(t) => local.surface_differential.transformed(t, &local.surface),
         }
+    }
+
+    /// The material at a hit: with its textures if it has any, which may bend the surface's shading normal. `material`
+    /// is that of the hit, and `step` the footprint.
+    #[inline]
+    pub(crate) fn material_point<P: GeometryProbe>(
+        &self,
+        material: &Material,
+        (line, hit): (DRay, &Hit),
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        if material.is_plain() { material.at(surface) } else { self.textured(line, hit, surface, step, probe) }
     }
 
     /// The material at a hit of this line's ray. Textures bend the shading normal of `surface`, and its uv becomes the

@@ -71,11 +71,7 @@ fn seen(world: &World, time: f32, axes: &ViewAxes, place: DVec2) -> (DVec3, f64)
 fn shade(world: &World, line: DRay, hit: &Hit, back: DVec3) -> (DVec3, bool) {
     let mut surface = world.surface(line, hit);
     let material = world.material(hit);
-    let point = if material.is_plain() {
-        material.at(&surface)
-    } else {
-        world.textured(line, hit, &mut surface, Some([DVec3::ZERO; 2]), &mut ())
-    };
+    let point = world.material_point(material, (line, hit), &mut surface, Some([DVec3::ZERO; 2]), &mut ());
     let phong = point.phong();
     let (overlay, share) = point.overlay;
     let kd = overlay * share + phong.kd * (1.0 - share);

@@ -4,7 +4,7 @@ use super::emitter::Emitters;
 use crate::light::environment::EnvironmentDistribution;
 use crate::light::{Emission, PreparedLight};
 use crate::math::Rgb;
-use crate::shape::pick_by_area;
+use crate::shape::{cumulative, pick_by_area};
 use crate::world::{Hit, World};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -30,6 +30,8 @@ pub(super) struct LightSampler {
     /// The first source that is an emitter.
     first_emitter: usize,
     pub(super) environment: Option<EnvironmentDistribution>,
+    /// The source that is the environment.
+    environment_source: Option<usize>,
     /// Whether visible matte lights are sources by their emitting surfaces instead of by themselves.
     visible_lights_are_emitters: bool,
 }
@@ -45,6 +47,13 @@ fn importance(light: &PreparedLight, radius: f64) -> Rgb {
     intensity * (PI * PI * radius * radius) as f32 / light.attenuation_divisor(radius as f32)
 }
 
+/// [`LightSampler::is_only_seen`], for lights that are sources by their surfaces or not. A surface of even emission
+/// emits from both sides and is never a source.
+fn is_only_seen(world: &World, material: u32, visible_lights_are_emitters: bool) -> bool {
+    let is_even = || world.materials()[material as usize].two_sided;
+    world.is_of_light(material) && (!visible_lights_are_emitters || is_even())
+}
+
 impl LightSampler {
     pub(super) fn new(world: &World) -> LightSampler {
         // An attenuated light isn't as bright from afar as its surface looks.
@@ -54,10 +63,7 @@ impl LightSampler {
         let is_emitter = |light: &PreparedLight| {
             visible_lights_are_emitters && light.light.visible && light.light.emission == Emission::Matte
         };
-        let emitters = Emitters::new(world, |material| {
-            !world.is_of_light(material)
-                || visible_lights_are_emitters && !world.materials()[material as usize].two_sided
-        });
+        let emitters = Emitters::new(world, |material| !is_only_seen(world, material, visible_lights_are_emitters));
         let environment = world.environment.as_ref().and_then(EnvironmentDistribution::new);
         let bounds = world.local_bounds();
         let radius = if bounds.is_empty() { 1.0 } else { 0.5 * f64::from((bounds.max - bounds.min).length()) };
@@ -79,12 +85,9 @@ impl LightSampler {
             push(Source::Emitter(i), emitter.power());
         }
         let first_emitter = sources.iter().take_while(|source| !matches!(source, Source::Emitter(_))).count();
-        let sums = powers.iter().scan(0.0, |sum, power| {
-            *sum += power;
-            Some(*sum)
-        });
         LightSampler {
-            sums: sums.collect(),
+            sums: cumulative(powers.into_iter()).collect(),
+            environment_source: sources.iter().position(|source| *source == Source::Environment),
             sources,
             emitters,
             first_emitter,
@@ -125,14 +128,12 @@ impl LightSampler {
 
     /// The density with which a direction is sampled for the light of the environment.
     pub(super) fn pdf_of_environment(&self, direction: DVec3) -> f64 {
-        let Some(environment) = &self.environment else { return 0.0 };
-        let index = self.sources.iter().take(self.first_emitter).position(|source| *source == Source::Environment);
-        index.map_or(0.0, |index| environment.pdf(direction) * self.probability(index))
+        let both = self.environment.as_ref().zip(self.environment_source);
+        both.map_or(0.0, |(environment, source)| environment.pdf(direction) * self.probability(source))
     }
 
     /// Whether the material shows a light that is a source by itself, so that its surface adds nothing to what is lit.
     pub(super) fn is_only_seen(&self, world: &World, material: u32) -> bool {
-        let is_even = || world.materials()[material as usize].two_sided;
-        world.is_of_light(material) && (!self.visible_lights_are_emitters || is_even())
+        is_only_seen(world, material, self.visible_lights_are_emitters)
     }
 }

@@ -50,8 +50,8 @@ impl PreparedPath {
             [first, ref more @ ..] => {
                 let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
                 vec![format!(
-                    "material \"{first}\"{others} would return more light than arrives (kd + 2 ks / (n + 1) + k + 1 - o \
-                     is more than 1), so path tracing makes it darker"
+                    "material \"{first}\"{others} would return more light than arrives (kd + 2 ks / (n + 1) + k + 1 - o is \
+                     more than 1), so path tracing makes it darker"
                 )]
             }
         };

@@ -4,6 +4,7 @@ use super::PathTracer;
 use super::light_sampler::Source;
 use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
+use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::light::LightSample;
 use crate::material::{Bsdf, BsdfSample, Lobe, MaterialModel, MaterialPoint, ScatteringFrame};
@@ -26,9 +27,6 @@ mod uses {
     pub(super) const DIRECTION: u32 = 6;
     pub(super) const ROULETTE: u32 = 7;
 }
-
-/// The `t_max` of a ray towards a light point at t = 1.
-const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
 /// The end of a ray to a sampled point of an emitter, whose distance it is measured in. The point's own rounding is
 /// less.
@@ -180,11 +178,9 @@ impl PathTracer<'_> {
         let count = self.count(segment.kind);
         count.traced += 1;
         count.hit += u64::from(visible.is_some());
-        let is_first = |met: &VisibleHit| segment.inside[1] == NONE && found.is_some_and(|found| found == met.hit);
-        visible.map(|met| {
-            let is_first = is_first(&met);
-            (met, is_first)
-        })
+        let met = visible?;
+        let is_first = segment.inside[1] == NONE && found == Some(met.hit);
+        Some((met, is_first))
     }
 
     fn count(&mut self, kind: Kind) -> &mut RayCount {
@@ -311,11 +307,7 @@ impl PathTracer<'_> {
         };
         let mut surface = self.world.surface(line, &hit);
         let material = self.world.material(&hit);
-        let material = if material.is_plain() {
-            material.at(&surface)
-        } else {
-            self.world.textured(line, &hit, &mut surface, None, &mut ())
-        };
+        let material = self.world.material_point(material, (line, &hit), &mut surface, None, &mut ());
         let outside = line.direction.dot(surface.normal) < 0.0;
         let emission = seen_emission(&material, outside);
         let pdf = lights.pdf_of_hit(self.world, from, &hit, surface.exact, surface.normal);

@@ -165,11 +165,7 @@ impl<'w> PatchMesh<'w> {
             let at = match met {
                 Some((hit, mut surface)) => {
                     has_own_color.set(has_own_color.get() || surface.color.is_some());
-                    if material.is_plain() {
-                        material.at(&surface)
-                    } else {
-                        self.world.textured(line, &hit, &mut surface, None, &mut ())
-                    }
+                    self.world.material_point(material, (line, &hit), &mut surface, None, &mut ())
                 }
                 None => MaterialPoint { model: material.model, ..MaterialPoint::default() },
             };

@@ -13,7 +13,7 @@ use canaletto_bvh::Ray;
 use glam::DVec3;
 
 /// The `t_max` of a ray towards a light point at t = 1.
-pub(super) const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
+pub(in crate::integrator) const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
 /// The diffuse and the specular light of one component: (5.32b) and (5.38).
 #[inline(always)]

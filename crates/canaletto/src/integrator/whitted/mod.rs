@@ -24,6 +24,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample, Sampler};
 use crate::scene::WhittedSettings;
 use crate::world::{Hit, OccluderCache, World};
+pub(super) use direct::BEFORE_LIGHT;
 use glam::{DVec3, Vec3};
 use interaction::SurfaceInteraction;
 

@@ -2,7 +2,7 @@
 
 use super::PreparedEnvironment;
 use crate::math::Rgb;
-use crate::shape::pick_by_area;
+use crate::shape::{cumulative, pick_by_area};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -42,16 +42,9 @@ impl EnvironmentDistribution {
             return None;
         }
         let floor = total / CELLS * UNIFORM / (1.0 - UNIFORM);
-        let cumulative = |weights: &mut dyn Iterator<Item = f64>| {
-            let sums = weights.scan(0.0, |sum, weight| {
-                *sum += weight;
-                Some(*sum)
-            });
-            sums.collect::<Vec<f64>>()
-        };
         let cells: Vec<f64> =
-            weights.chunks(COLUMNS).flat_map(|row| cumulative(&mut row.iter().map(|w| w + floor))).collect();
-        let rows = cumulative(&mut cells.chunks(COLUMNS).map(|row| row[COLUMNS - 1]));
+            weights.chunks(COLUMNS).flat_map(|row| cumulative(row.iter().map(move |w| w + floor))).collect();
+        let rows = cumulative(cells.chunks(COLUMNS).map(|row| row[COLUMNS - 1])).collect();
         let mean = Rgb::from(sum.map(|v| (v / CELLS) as f32)).saturated();
         Some(EnvironmentDistribution { rows, cells, mean })
     }
