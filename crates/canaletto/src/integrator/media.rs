@@ -168,7 +168,7 @@ impl Media {
     }
 
     /// The body of the set that fills the place.
-    fn filling(&self, mut set: u32) -> Option<&Body> {
+    pub(in crate::integrator) fn filling(&self, mut set: u32) -> Option<&Body> {
         while let Some(inside) = self.inside.get(set as usize) {
             if inside.count > 0 {
                 return Some(&inside.body);

@@ -45,9 +45,13 @@ impl DielectricBsdf {
         DielectricBsdf { roughness: dielectric.phong.roughness.into(), frame }
     }
 
-    /// Between equal media nothing is mirrored or bent.
+    /// Whether both sides have one η, so that nothing is mirrored or bent.
+    pub fn is_index_matched(&self) -> bool {
+        self.frame.eta_ratio == 1.0
+    }
+
     pub(super) fn is_delta(&self) -> bool {
-        self.roughness == 0.0 || self.frame.eta_ratio == 1.0
+        self.roughness == 0.0 || self.is_index_matched()
     }
 
     /// The normal around which microfacets are distributed. It is on the side of `wo`.

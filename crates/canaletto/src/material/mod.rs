@@ -9,6 +9,7 @@ mod dielectric;
 mod fresnel;
 mod ggx;
 mod mapping;
+mod medium;
 mod microfacet;
 mod model;
 mod parameter;
@@ -23,6 +24,7 @@ pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub use dielectric::{Dielectric, DielectricBsdf};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
+pub use medium::{HenyeyGreenstein, Medium, MediumSample};
 pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};
 pub use model::MaterialModel;
 pub use parameter::{Parameter, ParameterInfo, ParameterValue, Shown};
@@ -58,6 +60,9 @@ pub struct Material {
     /// Whether the inner side emits [`Phong::emission`], too.
     #[serde(default)]
     pub two_sided: bool,
+    /// What fills a closed clear body of the material.
+    #[serde(default)]
+    pub medium: Medium,
     /// The textures that modify the material, applied in this order.
     #[serde(default)]
     pub textures: Vec<TextureUse>,
@@ -76,6 +81,7 @@ impl Default for Material {
             coverage: whole(),
             priority: 0.0,
             two_sided: false,
+            medium: Medium::VACUUM,
             textures: Vec::new(),
         }
     }
@@ -100,6 +106,11 @@ impl Material {
     /// Returns the material with both sides emitting its emission, or only the outer one.
     pub fn with_two_sided(self, two_sided: bool) -> Material {
         Material { two_sided, ..self }
+    }
+
+    /// Returns the material with this medium in its closed bodies.
+    pub fn with_medium(self, medium: Medium) -> Material {
+        Material { medium, ..self }
     }
 
     /// Returns the material with one more texture.
@@ -164,6 +175,7 @@ impl Material {
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         self.model.check()?;
+        self.medium.check()?;
         if !(0.0..=1.0).contains(&self.coverage) {
             return Err(OutOfRange::new(
                 "coverage",

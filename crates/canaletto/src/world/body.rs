@@ -29,6 +29,8 @@ pub(crate) struct BodyId {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Body {
     pub(crate) id: BodyId,
+    /// Index into [`World::materials`].
+    pub(crate) material: u32,
     /// η, the index of refraction, before textures.
     pub(crate) eta: f32,
     priority: f32,
@@ -41,7 +43,7 @@ impl Body {
     /// A body without a surface.
     #[cfg(test)]
     pub(crate) const fn example(part: u32, eta: f32, priority: f32, volume: f64, overlaps_itself: bool) -> Body {
-        Body { id: BodyId { instance: 0, part }, eta, priority, volume, overlaps_itself }
+        Body { id: BodyId { instance: 0, part }, material: 0, eta, priority, volume, overlaps_itself }
     }
 
     /// Whether this body, and not the other, fills the place that they share.
@@ -80,7 +82,15 @@ impl World {
         let (part, volume, overlaps_itself) =
             self.with_instance(hit.instance, |instance| self.part_of(instance, hit))?;
         let id = BodyId { instance: hit.instance, part };
-        Some(Body { id, eta: material.phong().eta, priority: material.priority, volume, overlaps_itself })
+        let number = self.material_index(hit);
+        Some(Body {
+            id,
+            material: number,
+            eta: material.phong().eta,
+            priority: material.priority,
+            volume,
+            overlaps_itself,
+        })
     }
 
     /// The closed part of an instance that was hit, its volume, and whether it overlaps itself.

@@ -255,7 +255,7 @@ impl World {
     const MAX_CROSSINGS: usize = 1 << 16;
 
     /// The occlusion of a ray before `t_max`.
-    pub(super) fn occlusion(&self, ray: &Ray, t_max: f32, time: f32, last: &mut OccluderCache) -> Occlusion {
+    pub(crate) fn occlusion(&self, ray: &Ray, t_max: f32, time: f32, last: &mut OccluderCache) -> Occlusion {
         let prepared = &ray.prepare();
         if last.slot != NONE && last.instance < self.root.leaves {
             let again = self.with_instance(last.instance, |instance| {

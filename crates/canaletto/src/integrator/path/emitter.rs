@@ -3,7 +3,7 @@
 use crate::material::Material;
 use crate::math::{Rgb, Transform};
 use crate::shape::SurfaceSampler;
-use crate::world::{PlacedGeometry, Primitives, World};
+use crate::world::{Hit, PlacedGeometry, Primitives, World};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -94,8 +94,13 @@ impl Emitters {
         }
     }
 
+    /// The index of the emitter that was hit.
+    pub(super) fn of_hit(&self, world: &World, hit: &Hit) -> Option<u32> {
+        if hit.instance == Hit::UNBOUNDED { None } else { self.of(world, hit.instance, hit.primitive) }
+    }
+
     /// The index of the emitter that a primitive of an instance belongs to.
-    pub(super) fn of(&self, world: &World, instance: u32, primitive: u32) -> Option<u32> {
+    fn of(&self, world: &World, instance: u32, primitive: u32) -> Option<u32> {
         if self.all.is_empty() {
             return None;
         }

@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::f64::consts::PI;
 
 /// A source of light that can be sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Source {
     /// A light of the world.
     Light(u32),
@@ -112,10 +112,7 @@ impl LightSampler {
 
     /// The density with which directions of sampled lights lead from `p` to a hit with this point and unit normal.
     pub(super) fn pdf_of_hit(&self, world: &World, p: DVec3, hit: &Hit, point: DVec3, normal: DVec3) -> f64 {
-        if hit.instance == Hit::UNBOUNDED {
-            return 0.0;
-        }
-        let Some(emitter) = self.emitters.of(world, hit.instance, hit.primitive) else { return 0.0 };
+        let Some(emitter) = self.emitters.of_hit(world, hit) else { return 0.0 };
         let source = self.sources[self.first_emitter..].binary_search_by_key(&emitter, |source| match source {
             Source::Emitter(number) => *number,
             Source::Light(_) | Source::Environment => 0,

@@ -10,8 +10,11 @@
 //! Lights without a surface pass clear bodies by 1 − o, as in (5.39a), since no path finds them. The light of surfaces
 //! and of the environment passes clear bodies along paths only.
 
+mod direct;
 mod emitter;
 mod light_sampler;
+mod see_through;
+mod stream;
 #[cfg(test)]
 mod tests;
 mod trace;
@@ -19,17 +22,20 @@ mod trace;
 use super::media::Media;
 use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};
 use crate::light::PreparedLight;
-use crate::material::MaterialModel;
+use crate::material::{Material, MaterialModel};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
 use light_sampler::LightSampler;
+use stream::PathStream;
 
 /// What the threads of path tracing share.
 pub(crate) struct PreparedPath {
     settings: PathSettings,
     lights: LightSampler,
+    has_media: bool,
+    sees_through: bool,
     warnings: Vec<String>,
 }
 
@@ -38,13 +44,9 @@ impl PreparedPath {
     pub(crate) fn new(world: &World, settings: PathSettings) -> PreparedPath {
         let lights = LightSampler::new(world);
         let used = world.materials_in_use();
-        let gains: Vec<&str> = world
-            .materials()
-            .iter()
-            .zip(used)
-            .filter(|(material, used)| *used && gains_light(&material.model))
-            .map(|(material, _)| material.name.as_str())
-            .collect();
+        let in_use = || world.materials().iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
+        let gains: Vec<&str> =
+            in_use().filter(|material| gains_light(&material.model)).map(|material| material.name.as_str()).collect();
         let warnings = match gains[..] {
             [] => Vec::new(),
             [first, ref more @ ..] => {
@@ -55,7 +57,9 @@ impl PreparedPath {
                 )]
             }
         };
-        PreparedPath { settings, lights, warnings }
+        let has_media = in_use().any(|material| !material.medium.is_vacuum());
+        let sees_through = has_media || in_use().any(Material::has_holes);
+        PreparedPath { settings, lights, has_media, sees_through, warnings }
     }
 }
 
@@ -71,6 +75,8 @@ impl PreparedRayIntegrator for PreparedPath {
             world,
             settings: self.settings,
             lights: &self.lights,
+            has_media: self.has_media,
+            sees_through: self.sees_through,
             counts: RayCounts::default(),
             cancelled,
             is_cancelled: false,
@@ -79,9 +85,8 @@ impl PreparedRayIntegrator for PreparedPath {
             time: 0.0,
             moved_lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             media: Media::default(),
-            occluders: vec![OccluderCache::NONE; world.lights.len()],
-            pending: Vec::new(),
-            colors: Vec::new(),
+            occluder: OccluderCache::NONE,
+            stream: PathStream::default(),
         }
     }
 }
@@ -99,6 +104,10 @@ pub(crate) struct PathTracer<'w> {
     world: &'w World,
     settings: PathSettings,
     lights: &'w LightSampler,
+    /// Whether bodies absorb or scatter light.
+    has_media: bool,
+    /// Whether shadow rays pass surfaces: partial coverage, and boundaries of media.
+    sees_through: bool,
     counts: RayCounts,
     cancelled: Cancelled<'w>,
     is_cancelled: bool,
@@ -111,17 +120,15 @@ pub(crate) struct PathTracer<'w> {
     moved_lights: Vec<PreparedLight>,
     /// The media that the path is in.
     media: Media,
-    /// The last occluder of each light's shadow rays.
-    occluders: Vec<OccluderCache>,
-    /// Camera rays that wait to be traced, and their colours.
-    pending: Vec<(DRay, Sample, Option<RayDifferential>)>,
-    colors: Vec<Rgb>,
+    /// The last occluder of shadow rays.
+    occluder: OccluderCache,
+    stream: PathStream,
 }
 
 impl PathTracer<'_> {
-    /// Counts a ray towards the next call of the cancel callback, and calls it when it is due.
-    fn poll(&mut self) {
-        self.rays_until_poll -= 1;
+    /// Counts rays towards the next call of the cancel callback, and calls it when it is due.
+    fn poll(&mut self, rays: u32) {
+        self.rays_until_poll = self.rays_until_poll.saturating_sub(rays);
         if self.rays_until_poll == 0 {
             self.rays_until_poll = RAYS_PER_POLL;
             self.is_cancelled |= (self.cancelled)(self.counts.total());
@@ -135,7 +142,7 @@ impl PathTracer<'_> {
 }
 
 impl<'w> RayIntegrator<'w> for PathTracer<'w> {
-    const BATCH_SIZE: usize = 256;
+    const BATCH_SIZE: usize = stream::PATHS;
 
     fn world(&self) -> &'w World {
         self.world
@@ -160,23 +167,18 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
         differentials: impl IntoIterator<Item = RayDifferential>,
     ) {
         let mut differentials = differentials.into_iter();
-        self.pending.extend(lines.iter().zip(samples).map(|(line, sample)| (*line, *sample, differentials.next())));
+        for (line, sample) in lines.iter().zip(samples) {
+            self.push_path(*line, differentials.next(), *sample);
+        }
     }
 
     fn is_full(&self) -> bool {
-        self.pending.len() >= Self::BATCH_SIZE
+        self.stream.len() >= Self::BATCH_SIZE
     }
 
     fn trace_pending(&mut self) -> &[Rgb] {
-        let pending = std::mem::take(&mut self.pending);
-        self.colors.clear();
-        for &(line, sample, differential) in &pending {
-            let color = self.path(line, differential, sample, &mut ());
-            self.colors.push(color);
-        }
-        self.pending = pending;
-        self.pending.clear();
-        &self.colors
+        self.trace_stream();
+        self.stream.colors()
     }
 
     fn is_cancelled(&self) -> bool {

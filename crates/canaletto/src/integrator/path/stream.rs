@@ -1,0 +1,116 @@
+//! Many paths side by side: all go on by one surface at a time, and their rays are traced together.
+//!
+//! Each path takes the steps of [`PathTracer::path`] in that order, so its colour has equal bits.
+
+use super::PathTracer;
+use super::direct::ShadowRay;
+use super::light_sampler::Source;
+use super::trace::Path;
+use crate::math::{DRay, RayDifferential, Rgb};
+use crate::sampler::Sample;
+use crate::world::RayBundle;
+
+/// The most paths that are traced together.
+pub(super) const PATHS: usize = 1024;
+
+/// The paths of one thread that are traced together.
+#[derive(Default)]
+pub(super) struct PathStream {
+    paths: Vec<Path>,
+    colors: Vec<Rgb>,
+    /// The numbers of the paths that go on.
+    active: Vec<u32>,
+    shadows: Vec<PathShadow>,
+    bundle: RayBundle,
+}
+
+/// A shadow ray of a path.
+struct PathShadow {
+    /// The path's number.
+    path: u32,
+    ray: ShadowRay,
+    /// The factor of its light.
+    factor: Rgb,
+}
+
+impl PathStream {
+    /// The number of paths.
+    pub(super) fn len(&self) -> usize {
+        self.paths.len()
+    }
+
+    /// The colours of the paths that were traced last.
+    pub(super) fn colors(&self) -> &[Rgb] {
+        &self.colors
+    }
+}
+
+impl PathTracer<'_> {
+    /// Adds a path that begins with a camera ray.
+    pub(super) fn push_path(&mut self, line: DRay, differential: Option<RayDifferential>, sample: Sample) {
+        if self.stream.paths.is_empty() {
+            self.media.clear();
+        }
+        let path = self.start(line, differential, sample);
+        self.stream.paths.push(path);
+    }
+
+    /// Traces all paths to their ends.
+    pub(super) fn trace_stream(&mut self) {
+        let mut stream = std::mem::take(&mut self.stream);
+        let PathStream { paths, colors, active, shadows, bundle } = &mut stream;
+        active.clear();
+        active.extend(0..paths.len() as u32);
+        while !active.is_empty() && !self.is_cancelled {
+            self.poll(active.len() as u32);
+            bundle.clear();
+            active.iter().for_each(|&number| bundle.push(*paths[number as usize].ray(), f32::INFINITY));
+            self.world.intersect_batch(bundle, self.time);
+            shadows.clear();
+            let mut left = 0;
+            for index in 0..active.len() {
+                let number = active[index];
+                let step = self.arrive(&mut paths[number as usize], bundle.hit(index), &mut ());
+                shadows.extend(step.shadow.map(|(ray, factor)| PathShadow { path: number, ray, factor }));
+                active[left] = number;
+                left += usize::from(step.goes_on);
+            }
+            active.truncate(left);
+            self.trace_shadows(shadows, bundle, paths);
+        }
+        colors.clear();
+        colors.extend(paths.iter().map(|path| path.light.saturated()));
+        paths.clear();
+        self.stream = stream;
+    }
+
+    /// Adds the light of sampled sources to the paths.
+    fn trace_shadows(&mut self, shadows: &mut [PathShadow], bundle: &mut RayBundle, paths: &mut [Path]) {
+        if self.sees_through {
+            for PathShadow { path, ray, factor } in shadows {
+                paths[*path as usize].light += (*factor * self.light_through(ray)).saturated();
+            }
+            return;
+        }
+        // Rays to one light often have one occluder. Each path has one shadow ray, so that the order changes no sum.
+        shadows.sort_unstable_by_key(|shadow| (shadow.ray.source, shadow.path));
+        let is_light = |shadow: &PathShadow| matches!(shadow.ray.source, Source::Light(_));
+        for group in shadows.chunk_by(|a, b| is_light(a) == is_light(b)) {
+            let is_light = is_light(&group[0]);
+            bundle.clear();
+            group.iter().for_each(|shadow| bundle.push(shadow.ray.ray, shadow.ray.t_max));
+            if is_light {
+                self.world.occlusion_batch(bundle, self.time, &mut self.occluder);
+            } else {
+                self.world.intersect_batch(bundle, self.time);
+            }
+            for (index, PathShadow { path, ray, factor }) in group.iter().enumerate() {
+                let light = match is_light {
+                    true => self.light_past(ray, bundle.occlusion(index)),
+                    false => self.light_at(ray, bundle.hit(index)),
+                };
+                paths[*path as usize].light += (*factor * light).saturated();
+            }
+        }
+    }
+}
