@@ -3,7 +3,7 @@
 use super::arithmetic::{CONSTANTS, FUNCTIONS, MAX_COPIES, MAX_KEPT_COPIES, MEDIA};
 use super::nodes::{
     self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CONDUCTOR, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE,
-    LENS, LIGHTS, MATERIAL_NODE, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES,
+    LENS, LIGHTS, MATERIAL_NODE, MEDIUM, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES,
     TRANSFORMS, kind_of,
 };
 use super::schema::{FieldSchema, NodeSchema, ValueType};
@@ -24,7 +24,14 @@ pub fn reference_markdown() -> String {
     let inner: &[(&NodeSchema, &[(&NodeSchema, &str)])] = &[
         (&FILM, &[(&SAMPLE, "film: sample"), (&FILTER, "film: filter")]),
         (&CAMERA, &[(&LENS, "camera: lens"), (&CAMERA_MOTION, "camera: motion")]),
-        (&MATERIAL_NODE, &[(&CONDUCTOR, "material: conductor"), (&SURFACE_TEXTURE, "material: texture")]),
+        (
+            &MATERIAL_NODE,
+            &[
+                (&CONDUCTOR, "material: conductor"),
+                (&MEDIUM, "material: medium"),
+                (&SURFACE_TEXTURE, "material: texture"),
+            ],
+        ),
     ];
     for setting in SETTINGS {
         node(&mut out, setting.schema, setting.schema.name);

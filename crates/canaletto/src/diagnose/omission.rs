@@ -20,6 +20,13 @@ pub enum Omission {
         /// The names of the materials, in the scene's order.
         materials: Vec<String>,
     },
+    /// Media in bodies absorb and scatter nothing.
+    Media {
+        /// The name of the integrator.
+        integrator: &'static str,
+        /// The names of the materials, in the scene's order.
+        materials: Vec<String>,
+    },
     /// Ambient light isn't added, since the integrator finds the light that it stands for.
     Ambient {
         /// The name of the integrator.
@@ -50,6 +57,11 @@ impl fmt::Display for Omission {
                 let emit = if materials.len() == 1 { "emits" } else { "emit" };
                 write_names(f, "material", materials)?;
                 write!(f, " {emit}, but the {integrator} integrator takes light from lights only")
+            }
+            Omission::Media { integrator, materials } => {
+                let fill = if materials.len() == 1 { "fills its" } else { "fill their" };
+                write_names(f, "material", materials)?;
+                write!(f, " {fill} bodies with a medium, which the {integrator} integrator leaves out")
             }
             Omission::Ambient { integrator, ambient } => {
                 let [r, g, b] = ambient.to_array();
@@ -96,24 +108,31 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
     let integrator = &job.integrator;
     let mut all = match integrator {
         Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
-        Integrator::Whitted(_) => Vec::new(),
-        Integrator::Radiosity(_) | Integrator::Path(_) if world.ambient == Rgb::BLACK => return Vec::new(),
-        Integrator::Radiosity(_) | Integrator::Path(_) => {
-            let integrator = integrator.name();
-            return vec![Omission::Ambient { integrator, ambient: world.ambient }];
-        }
+        Integrator::Whitted(_) | Integrator::Radiosity(_) | Integrator::Path(_) => Vec::new(),
         Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
     };
-    if !world.may_emit() {
-        return all;
+    let finds_all = matches!(job.integrator, Integrator::Radiosity(_) | Integrator::Path(_));
+    let integrator = integrator.name();
+    if finds_all && world.ambient != Rgb::BLACK {
+        all.push(Omission::Ambient { integrator, ambient: world.ambient });
     }
     let used = world.materials_in_use();
-    let emits = |number: u32, material: &Material| !world.is_of_light(number) && material.may_emit();
-    let emitters = (0..).zip(world.materials()).zip(used).filter(|((number, m), used)| *used && emits(*number, m));
-    let materials: Vec<String> = emitters.map(|((_, material), _)| material.name.clone()).collect();
-    let integrator = integrator.name();
-    if !materials.is_empty() {
-        all.push(Omission::EmissionAsLight { integrator, materials });
+    let names_of = |is_left_out: &dyn Fn(u32, &Material) -> bool| -> Vec<String> {
+        let all = (0..).zip(world.materials()).zip(&used);
+        let left_out = all.filter(|((number, material), used)| **used && is_left_out(*number, material));
+        left_out.map(|((_, material), _)| material.name.clone()).collect()
+    };
+    if !finds_all {
+        let materials = names_of(&|number, material| !world.is_of_light(number) && material.may_emit());
+        if !materials.is_empty() {
+            all.push(Omission::EmissionAsLight { integrator, materials });
+        }
+    }
+    if !matches!(job.integrator, Integrator::Path(_)) {
+        let materials = names_of(&|_, material| !material.medium.is_vacuum());
+        if !materials.is_empty() {
+            all.push(Omission::Media { integrator, materials });
+        }
     }
     all
 }

@@ -63,6 +63,11 @@ impl MaterialModel {
         }
     }
 
+    /// Whether bodies of the model have no surface in air: η is 1.
+    pub fn is_index_matched_to_air(&self) -> bool {
+        matches!(self, MaterialModel::Dielectric(dielectric) if dielectric.phong.eta == 1.0)
+    }
+
     /// Checks every number's range.
     ///
     /// # Errors

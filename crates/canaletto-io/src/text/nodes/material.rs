@@ -10,7 +10,7 @@ use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
 use canaletto::OutOfRange;
 use canaletto::material::{
-    Conductor, Dielectric, METALS, Material, MaterialModel, Parameter, ParameterInfo, ParameterValue, Phong,
+    Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter, ParameterInfo, ParameterValue, Phong,
 };
 use canaletto::math::Rgb;
 use std::collections::HashMap;
@@ -100,6 +100,29 @@ const DIELECTRIC_FIELD: Field<f32> = Field::new(
     "a clear body of this η, or of a medium's name, instead of kd, ks, n, k, eta and opacity: its surface mirrors and \
      refracts by Fresnel's equations",
 );
+const ABSORPTION: Field<Rgb> = Field::new(
+    "absorption",
+    "the share of the light that a closed clear body absorbs per unit of length, for path tracing",
+)
+.or(|| rgb(Medium::VACUUM.absorption));
+const SCATTERING: Field<Rgb> =
+    Field::new("scattering", "the share of the light that is scattered per unit of length").or(|| rgb(Rgb::BLACK));
+const ANISOTROPY: Field<f32> = Field::new(
+    "anisotropy",
+    "the mean cosine of the scattering, from -1 (back) to 1 (forward), both excluded; 0 scatters to all sides alike",
+)
+.or(|| Medium::VACUUM.anisotropy.to_string());
+
+/// `medium` in a material.
+pub(crate) static MEDIUM: NodeSchema = NodeSchema::new(
+    "medium",
+    "What fills a closed body, for path tracing: smoke, fog, milk. Without another model the body has no surface; \
+     with `dielectric` it has one. Other integrators show the surface only.",
+    &[&[ABSORPTION.schema, SCATTERING.schema, ANISOTROPY.schema]],
+)
+.example("material \"fog\" { medium { absorption 0.1; scattering 0.5; anisotropy 0.3 } }");
+const MEDIUM_FIELD: Field<Block> = Field::block(&MEDIUM, "smoke, fog or another medium in a closed body; see below");
+
 const ALPHA: Field<f32> =
     Field::new("alpha", "instead of roughness: its square, the width of the distribution of microfacets");
 
@@ -123,6 +146,8 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             CONDUCTOR_FIELD.schema,
             DIELECTRIC_FIELD.schema,
             ALPHA.schema,
+            ABSORPTION.schema,
+            MEDIUM_FIELD.schema,
             TWO_SIDED.schema,
             COVERAGE.schema,
             PRIORITY.schema,
@@ -213,8 +238,27 @@ impl<'a> Decoder<'a> {
         Some(model)
     }
 
+    /// The medium of a material, if its node has one.
+    fn medium(&mut self, fields: &Fields) -> Option<Medium> {
+        let inner = self.block(fields, &MEDIUM_FIELD)?;
+        let mut medium = Medium::VACUUM;
+        change(&mut medium.absorption, inner.get(&ABSORPTION));
+        change(&mut medium.scattering, inner.get(&SCATTERING));
+        change(&mut medium.anisotropy, inner.get(&ANISOTROPY));
+        if fields.has_named(ABSORPTION.name()) {
+            let problem = "is given twice, in the medium and beside it; leave one out";
+            self.out_of_range(fields, &OutOfRange::new(ABSORPTION.name(), problem));
+        }
+        Some(medium)
+    }
+
     fn change_material(&mut self, fields: &Fields, material: &mut Material) {
-        if let Some(model) = self.physical_model(fields) {
+        let medium = self.medium(fields);
+        // A medium alone has no surface.
+        let fills_all = medium.is_some() && OF_PHONG.iter().all(|row| !fields.has_named(row.info().name));
+        let bare =
+            || (fills_all && matches!(material.model, MaterialModel::Phong(_))).then(|| Dielectric::new(1.0).into());
+        if let Some(model) = self.physical_model(fields).or_else(bare) {
             let Phong { roughness, emission, .. } = *material.phong();
             material.model = model;
             let phong = material.model.phong_mut();
@@ -239,6 +283,8 @@ impl<'a> Decoder<'a> {
                 row.set(phong, value);
             }
         }
+        change(&mut material.medium, medium);
+        change(&mut material.medium.absorption, fields.get(&ABSORPTION));
         change(&mut material.coverage, fields.get(&COVERAGE));
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));

@@ -27,7 +27,7 @@ pub(crate) use film::{CROP, FILM, FILTER, SAMPLE};
 pub(crate) use groups::{GROUP, INSTANCE, OF, PROTOTYPE};
 pub(crate) use integrator::INTEGRATOR;
 pub(crate) use lights::{LIGHT, LIGHTS, light};
-pub(crate) use material::{CONDUCTOR, MATERIAL as MATERIAL_NODE};
+pub(crate) use material::{CONDUCTOR, MATERIAL as MATERIAL_NODE, MEDIUM};
 pub(crate) use mesh::MeshCache;
 pub(crate) use motion::{
     ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, DEFAULT_FPS, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY,

@@ -33,6 +33,7 @@ fn schemas() -> Vec<(&'static NodeSchema, String)> {
         &LENS,
         &CAMERA_MOTION,
         &CONDUCTOR,
+        &MEDIUM,
         &SURFACE_TEXTURE,
         &MOTION,
         &FOLLOW,
@@ -79,6 +80,7 @@ const MORE: &[&str] = &[
     "integrator \"radiosity\" { method \"shooting\"; error 0.1 }",
     "integrator \"path\" { max-depth 4; roulette #false }",
     "material \"m\" { conductor { eta 1 1 1; k 1 1 1 }; alpha 0.1 }",
+    "material \"m\" { dielectric 1.5; absorption 0.1 0.2 0.3 }",
     "path \"p\" { points 0 0 0  1 0 0 }\ncamera { follow \"p\" along=#true }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center { follow \"p\" at=1 }; radius 1 }",
 ];

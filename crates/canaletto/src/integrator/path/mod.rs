@@ -14,6 +14,8 @@ mod direct;
 mod emitter;
 mod light_sampler;
 mod see_through;
+#[cfg(test)]
+mod see_through_tests;
 mod stream;
 #[cfg(test)]
 mod tests;
@@ -58,7 +60,8 @@ impl PreparedPath {
             }
         };
         let has_media = in_use().any(|material| !material.medium.is_vacuum());
-        let sees_through = has_media || in_use().any(Material::has_holes);
+        let has_no_surface = |material: &Material| material.model.is_index_matched_to_air();
+        let sees_through = has_media || in_use().any(|material| material.has_holes() || has_no_surface(material));
         PreparedPath { settings, lights, has_media, sees_through, warnings }
     }
 }

@@ -13,7 +13,12 @@ use crate::shape::{Cuboid, Disk, Mesh, Plane, Shape, Sphere};
 use glam::{DVec3, Vec3};
 
 /// The mean of all pixels of a scene seen from `eye` to `center`, and its standard error from groups of pixels.
-fn mean(scene: &Scene, [eye, center]: [Vec3; 2], integrator: impl Into<Integrator>, samples: u32) -> (f64, f64) {
+pub(super) fn mean(
+    scene: &Scene,
+    [eye, center]: [Vec3; 2],
+    integrator: impl Into<Integrator>,
+    samples: u32,
+) -> (f64, f64) {
     let intrinsics = Intrinsics { fovy: 20.0, width: 32, height: 32, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2) };
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
@@ -28,13 +33,13 @@ fn mean(scene: &Scene, [eye, center]: [Vec3; 2], integrator: impl Into<Integrato
     (mean, (variance / n).sqrt())
 }
 
-const PATH: PathSettings = PathSettings::DEFAULT;
+pub(super) const PATH: PathSettings = PathSettings::DEFAULT;
 
-fn matte(kd: f32) -> Phong {
+pub(super) fn matte(kd: f32) -> Phong {
     Phong { kd: Rgb::gray(kd), ..Phong::default() }
 }
 
-fn node(shape: Shape, material: u32) -> Node {
+pub(super) fn node(shape: Shape, material: u32) -> Node {
     Node::from(shape).with_material(material)
 }
 

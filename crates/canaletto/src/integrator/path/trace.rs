@@ -48,6 +48,8 @@ struct Segment {
     /// The point where it was scattered last, with the density of its direction there. None from the eye, and after a
     /// mirror or a refraction, which no light is sampled for.
     scattered: Option<(DVec3, f64)>,
+    /// Whether it has passed surfaces since then.
+    passed: bool,
     kind: Kind,
 }
 
@@ -58,7 +60,7 @@ impl Segment {
         self.line = frame.leave(-frame.wo);
         self.ray = frame.rounded(&self.line);
         self.differential = met.footprint.map(|f| f.differential.passed(f.step));
-        self.kind = Kind::Passed;
+        (self.passed, self.kind) = (true, Kind::Passed);
     }
 }
 
@@ -239,6 +241,7 @@ impl PathTracer<'_> {
             differential,
             inside: [inside, NONE],
             scattered: None,
+            passed: false,
             kind: Kind::Eye,
         };
         let place = Dimension::EYE.of(uses::PATH);
@@ -249,7 +252,8 @@ impl PathTracer<'_> {
     pub(super) fn arrive<P: Probe>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Step {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
         let Some((met, is_first)) = self.meet(&path.segment, found, probe) else {
-            let arriving = self.environment(&path.segment, found.is_none() || self.sees_through);
+            let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
+            let arriving = self.environment(&path.segment, is_direct);
             if is_eye {
                 probe.miss(arriving);
             }
@@ -269,7 +273,8 @@ impl PathTracer<'_> {
                 return step;
             }
         }
-        let emitted = self.emitted(&path.segment, hit, &frame, material, is_first || self.sees_through);
+        let is_direct = self.sees_through || is_first && !path.segment.passed;
+        let emitted = self.emitted(&path.segment, hit, &frame, material, is_direct);
         path.light += (path.throughput * emitted).saturated();
         if self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
             return Step::END;
@@ -370,6 +375,7 @@ impl PathTracer<'_> {
             differential: None,
             inside,
             scattered: (!scattered.is_delta).then_some((vertex.position(), scattered.pdf)),
+            passed: false,
             kind: Kind::Scattered(scattered.lobe),
         };
         path.depth += 1;
