@@ -111,7 +111,7 @@ fn the_light_layers_sum_to_the_picture() {
 
 fn layers_sum(world: &World) {
     let mut job = still_life_job(1.0, 32, 24, Sampling::Jittered(2));
-    job.aovs = Aov::ALL.to_vec();
+    job.aovs = Aov::made_by(&job.integrator);
     let with = render(world, &job, &()).unwrap().picture;
     job.aovs.clear();
     let without = render(world, &job, &()).unwrap().picture;

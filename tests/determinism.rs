@@ -34,7 +34,7 @@ fn threads_and_tiles(scene: fn(f32) -> Scene) {
                 for tile in [1, 5, 16, 64] {
                     let mut job = still_life_job(1.0, 60, 45, sampling);
                     job.tile = tile;
-                    job.aovs = Aov::ALL.to_vec();
+                    job.aovs = Aov::made_by(&job.integrator);
                     let rendering = render(&world, &job, &()).unwrap();
                     assert!(rendering.complete);
                     pictures.push((format!("{sampling:?}, {threads} threads, tile {tile}"), rendering));
@@ -86,7 +86,7 @@ fn work_on_hierarchies_changes_no_bit() {
     }
     for sampling in [Sampling::Center, Sampling::Jittered(2)] {
         let mut job = still_life_job(1.0, 120, 90, sampling);
-        job.aovs = Aov::ALL.to_vec();
+        job.aovs = Aov::made_by(&job.integrator);
         let [a, b] = worlds.each_ref().map(|world| render(world, &job, &()).unwrap());
         assert_same_picture(&a.picture, &b.picture, "two qualities of trees");
         assert_eq!(a.counts, b.counts);

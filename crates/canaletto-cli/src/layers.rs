@@ -15,7 +15,7 @@ A PNG layer of --aov is a separate file, name.LAYER.png. Its numbers become colo
   position               0 to 1 across the scene's bounds along each axis
   uv                     the fractions of u and v as red and green
   object-id, material-id a different colour for each number; black is the background
-  tree-depth, cost       grey, white is the picture's largest
+  tree-depth, cost, samples  grey, white is the picture's largest
   alpha                  grey, white is covered
   the others             light, with the --tone and --transfer of the picture
 An EXR holds all layers as channels of one file, with unchanged numbers: normal.X, depth.Z, object_id.X, ...";
@@ -142,7 +142,7 @@ mod tests {
         let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
         let mut job =
             canaletto::render::Job::new(camera, FilmSettings::default(), canaletto::scene::Integrator::default());
-        job.aovs = Aov::ALL.to_vec();
+        job.aovs = Aov::made_by(&job.integrator);
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> =
             Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();

@@ -3,12 +3,18 @@
 
 mod develop;
 mod filter;
+mod half_buffers;
 mod picture;
+mod sample_blocks;
+mod sample_statistics;
 mod srgb;
 mod tile_buffer;
 
 pub(crate) use develop::display_all;
 pub use develop::{Developer, develop, srgb_encode};
 pub use filter::{Division, FilterTable, Part};
+pub use half_buffers::HalfBuffers;
 pub use picture::{Layer, Picture};
+pub use sample_blocks::{BlockMean, SampleBlocks, block_sizes};
+pub use sample_statistics::{SamplePlace, SampleStatistics};
 pub(crate) use tile_buffer::{Accumulation, TileBuffer, WeightedSum};

@@ -139,6 +139,17 @@ impl TileBuffer {
         }
     }
 
+    /// Writes layer number `layer` into the layer of a picture of this width, whose upper left corner is the picture's
+    /// pixel `corner`.
+    pub(crate) fn write_layer(&self, layer: usize, to: &mut Layer, stride: u32, corner: [u32; 2]) {
+        let [x, y, width, height] = self.area;
+        for row in 0..height {
+            let from = (row * width) as usize;
+            let start = (y - corner[1] + row) as usize * stride as usize + (x - corner[0]) as usize;
+            self.layers[layer].write_row(to, &self.pixels[from..from + width as usize], from, start);
+        }
+    }
+
     /// The number of pixels.
     pub(crate) fn len(&self) -> usize {
         self.pixels.len()

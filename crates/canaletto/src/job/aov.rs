@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 /// no meaning. Pixels of the background have infinite depth and zeros elsewhere. Light layers (diffuse to refraction)
 /// are filtered like the picture, and so is `alpha`. They sum to it, except for `shadow`, which holds the light that
 /// shadows remove.
-/// `tree-depth` and `cost` count rays.
+/// `tree-depth` and `cost` count rays. `half-a`, `half-b` and `samples` tell of the samples of a picture that is made in
+/// passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -49,6 +50,13 @@ pub enum Aov {
     Cost,
     /// The share of the pixel that surfaces cover, 0 to 1. Cut-outs let the background through, clear bodies don't.
     Alpha,
+    /// The picture by the first half of its samples. Both halves estimate the same light, so their difference tells the
+    /// error.
+    HalfA,
+    /// The picture by the second half of its samples.
+    HalfB,
+    /// The number of the pixel's samples.
+    Samples,
 }
 
 named!(Aov {
@@ -68,19 +76,37 @@ named!(Aov {
     TreeDepth => "tree-depth",
     Cost => "cost",
     Alpha => "alpha",
+    HalfA => "half-a",
+    HalfB => "half-b",
+    Samples => "samples",
 });
 
 impl Aov {
     /// Whether an integrator can make the layer.
     pub fn is_made_by(self, integrator: &Integrator) -> bool {
         match integrator {
-            Integrator::Whitted(_) => true,
-            Integrator::Radiosity(_) => true,
+            Integrator::Whitted(_) | Integrator::Radiosity(_) => !self.is_of_samples(),
+            Integrator::Path(_) if self.is_of_samples() => true,
             Integrator::Zbuffer(_) | Integrator::Path(_) => matches!(
                 self,
                 Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::Alpha
             ),
         }
+    }
+
+    /// All layers that an integrator can make.
+    pub fn made_by(integrator: &Integrator) -> Vec<Aov> {
+        Aov::ALL.iter().copied().filter(|aov| aov.is_made_by(integrator)).collect()
+    }
+
+    /// Whether the layer tells of the samples of a picture that is made in passes.
+    pub fn is_of_samples(self) -> bool {
+        self.is_half() || self == Aov::Samples
+    }
+
+    /// Whether the layer is the picture by half its samples.
+    pub fn is_half(self) -> bool {
+        matches!(self, Aov::HalfA | Aov::HalfB)
     }
 
     /// Whether the layer holds light, in red, green and blue.
@@ -94,7 +120,7 @@ impl Aov {
             Aov::Depth => &["Z"],
             Aov::Normal | Aov::Position => &["X", "Y", "Z"],
             Aov::Uv => &["U", "V"],
-            Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost => &["X"],
+            Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost | Aov::Samples => &["X"],
             Aov::Alpha => &["A"],
             Aov::Diffuse
             | Aov::Specular
@@ -102,7 +128,9 @@ impl Aov {
             | Aov::Ambient
             | Aov::Emission
             | Aov::Reflection
-            | Aov::Refraction => &["R", "G", "B"],
+            | Aov::Refraction
+            | Aov::HalfA
+            | Aov::HalfB => &["R", "G", "B"],
         }
     }
 
@@ -122,9 +150,11 @@ impl Aov {
             | Aov::Emission
             | Aov::Reflection
             | Aov::Refraction
+            | Aov::HalfA
+            | Aov::HalfB
             | Aov::Alpha => Accumulation::Mean,
             Aov::TreeDepth => Accumulation::Largest,
-            Aov::Cost => Accumulation::Sum,
+            Aov::Cost | Aov::Samples => Accumulation::Sum,
         }
     }
 

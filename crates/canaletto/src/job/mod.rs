@@ -4,10 +4,10 @@ mod aov;
 mod observer;
 
 pub use aov::Aov;
-pub use observer::{Observer, Progress, SolvingPhase, SolvingProgress};
+pub use observer::{Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
 
 use crate::camera::Camera;
-use crate::scene::{FilmSettings, Integrator, WhittedSettings};
+use crate::scene::{FilmSettings, Filter, Integrator, SamplerKind, Sampling, WhittedSettings};
 use crate::world::World;
 use crate::{Named, OutOfRange};
 use canaletto_bvh::NoThreads;
@@ -30,6 +30,15 @@ pub struct Job {
     pub tile: u32,
     /// The requested extra layers.
     pub aovs: Vec<Aov>,
+    /// The number of each pixel's first sample. Pictures of other samples of the same scene can be added.
+    pub first_sample: u32,
+    /// The largest relative error that blocks of pixels should have. Pixels get samples until it is estimated to be
+    /// reached, but no more than the film says. It is the root of the mean square error of the components in a block of
+    /// 8 × 8 pixels, divided by the block's mean component. In dark blocks a tenth of the mean component of the middle one
+    /// of all blocks counts instead.
+    pub noise: Option<f32>,
+    /// The largest component of a sample. Brighter samples become darker, which removes light from the picture.
+    pub clamp: Option<f32>,
 }
 
 /// An error in a job.
@@ -91,6 +100,17 @@ pub enum JobError {
         /// The most memory.
         most: u64,
     },
+    /// Something is asked for that only pictures made in passes have.
+    #[error("{what} needs a picture that is made in passes, but {why}")]
+    NotInPasses {
+        /// What is asked for.
+        what: &'static str,
+        /// Why the picture isn't made in passes.
+        why: &'static str,
+    },
+    /// The samples to go on with aren't those of this picture.
+    #[error("the picture can't go on with these samples: {0}")]
+    Start(String),
     /// Radiosity finds no solution.
     #[error("radiosity: {0}")]
     Radiosity(String),
@@ -105,7 +125,18 @@ pub enum JobError {
 impl Job {
     /// A job with the default tile size, seed 0 and no extra layers.
     pub fn new(camera: Camera, film: FilmSettings, integrator: impl Into<Integrator>) -> Job {
-        Job { camera, film, integrator: integrator.into(), seed: 0, frame: 0, tile: 32, aovs: Vec::new() }
+        Job {
+            camera,
+            film,
+            integrator: integrator.into(),
+            seed: 0,
+            frame: 0,
+            tile: 32,
+            aovs: Vec::new(),
+            first_sample: 0,
+            noise: None,
+            clamp: None,
+        }
     }
 
     /// Checks the values that come from files and users.
@@ -113,7 +144,6 @@ impl Job {
     /// # Errors
     /// [`JobError`] with the value and its range.
     pub fn check(&self) -> Result<(), JobError> {
-        use crate::scene::{Filter, Sampling};
         let [of_width, of_height] = self.camera.size();
         if let Some([x, y, width, height]) = self.film.crop {
             let inside =
@@ -140,6 +170,7 @@ impl Job {
             }
             _ => {}
         }
+        self.check_passes()?;
         match self.film.filter {
             Filter::Gaussian { sigma } if !(sigma > 0.0 && sigma <= 4.0) => {
                 let problem = format!("is {sigma}; it must be more than 0 and at most 4 pixels");
@@ -147,6 +178,53 @@ impl Job {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Checks what only pictures made in passes have.
+    fn check_passes(&self) -> Result<(), JobError> {
+        for (name, value) in [("noise", self.noise), ("clamp", self.clamp)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(OutOfRange::new(name, format!("is {value}; it must be more than 0")).into());
+            }
+        }
+        if self.first_sample.checked_add(self.sample_count()).is_none_or(|end| end > Sampling::MAX_SAMPLES) {
+            let problem = format!("is {}, so that samples pass number {}", self.first_sample, Sampling::MAX_SAMPLES);
+            return Err(OutOfRange::new("first-sample", problem).into());
+        }
+        let Err(why) = self.passes() else { return Ok(()) };
+        let what = match (self.aovs.iter().find(|aov| aov.is_of_samples()), self.noise, self.clamp) {
+            (Some(aov), ..) => aov.name(),
+            (_, Some(_), _) => "noise",
+            (_, _, Some(_)) => "clamp",
+            _ if self.first_sample > 0 => "first-sample",
+            _ => return Ok(()),
+        };
+        Err(JobError::NotInPasses { what, why })
+    }
+
+    /// Whether the picture is made in passes, each of which adds samples to its pixels, or why it isn't. Samples then
+    /// don't depend on how many there will be.
+    ///
+    /// # Errors
+    /// The reason, as the end of a sentence.
+    pub fn passes(&self) -> Result<(), &'static str> {
+        match (self.integrator, self.film.sampling, self.film.sampler, self.film.filter) {
+            (Integrator::Path(_), Sampling::Center | Sampling::Sampled(1), ..) => Ok(()),
+            (Integrator::Path(_), Sampling::Sampled(_), SamplerKind::Jittered, _) => {
+                Err("the jittered sampler needs to know the number of samples first")
+            }
+            (Integrator::Path(_), Sampling::Sampled(_), _, Filter::Mitchell) => {
+                Err("the mitchell filter needs to know the number of samples first")
+            }
+            (Integrator::Path(_), Sampling::Sampled(_), ..) => Ok(()),
+            (Integrator::Path(_), ..) => Err("its rays stand on a grid; --samples without --pattern does without"),
+            _ => Err("only the path integrator makes such"),
+        }
+    }
+
+    /// The number of samples of each pixel; for adaptive sampling, of a refined one.
+    pub(crate) fn sample_count(&self) -> u32 {
+        self.film.sampling.count()
     }
 
     /// This job with its camera relative to the world's origin, if that isn't zero.

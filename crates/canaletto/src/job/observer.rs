@@ -1,5 +1,8 @@
 //! Observers of a render.
 
+use crate::film::Picture;
+use std::ops::ControlFlow;
+
 /// An observer of a render, which may cancel it. Its methods are called from many threads.
 pub trait Observer: Sync {
     /// Whether to cancel. Called before every few pixels, and at intervals within them. Once it returns true,
@@ -9,6 +12,11 @@ pub trait Observer: Sync {
     }
     /// Reports the progress after each tile.
     fn progress(&self, _progress: &Progress) {}
+    /// Reports that a pass over the picture has ended, for pictures that are made in passes of samples. One thread calls
+    /// it, and no other one works meanwhile. If it breaks, the picture is complete as it is.
+    fn pass_ended(&self, _progress: &PassProgress<'_>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
     /// Reports the progress of radiosity, which is solved before the first tile.
     fn solving(&self, _progress: &SolvingProgress) {}
 }
@@ -26,6 +34,22 @@ pub struct Progress {
     pub pixels: u64,
     /// The number of rays traced so far.
     pub rays: u64,
+}
+
+/// A picture after a pass of samples.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct PassProgress<'a> {
+    /// The number of samples of each pixel that still needed some.
+    pub samples: u32,
+    /// The number after the next pass; none if this was the last one.
+    pub next: Option<u32>,
+    /// The number of pixels that need more samples.
+    pub pixels_left: u64,
+    /// The largest relative error of a block of pixels, if the job limits it. Infinite while it is unknown.
+    pub noise: Option<f32>,
+    /// The picture so far, with its layers.
+    pub picture: &'a Picture,
 }
 
 /// The progress of solving radiosity.

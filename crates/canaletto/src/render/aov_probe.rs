@@ -122,6 +122,8 @@ impl<'w> AovProbe<'w> {
             Aov::TreeDepth => out[0] = self.tree_depth.into(),
             Aov::Cost => out[0] = self.rays as f64,
             Aov::Alpha => out[0] = self.alpha,
+            // Written from the samples of the film.
+            Aov::HalfA | Aov::HalfB | Aov::Samples => {}
         }
     }
 }

@@ -3,14 +3,16 @@
 mod aov_probe;
 mod camera_tiles;
 mod lattice;
+mod noise;
 mod pixel;
+mod progressive;
 #[cfg(test)]
 mod tests;
 
-pub use crate::job::{Aov, Job, JobError, Observer, Progress, SolvingPhase, SolvingProgress};
+pub use crate::job::{Aov, Job, JobError, Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
 pub(crate) use pixel::PixelRenderer;
 
-use crate::film::{Picture, TileBuffer};
+use crate::film::{Picture, SampleBlocks, SampleStatistics, TileBuffer};
 use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{Counts, PreparedPath, PreparedRadiosity, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
@@ -25,7 +27,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Rendering {
-    /// The picture, in linear light. Pixels of unfinished tiles are black.
+    /// The picture, in linear light. Pixels of unfinished tiles are black, or have fewer samples.
     pub picture: Picture,
     /// What the integrator counted, in finished tiles.
     pub counts: Counts,
@@ -33,6 +35,10 @@ pub struct Rendering {
     pub pixels_done: u64,
     /// Whether every tile was finished, in every pass.
     pub complete: bool,
+    /// The samples of a picture that was made in passes ([`Job::passes`]), with which [`render_on`] goes on.
+    pub samples: Option<SampleBlocks>,
+    /// What is known of these samples.
+    pub statistics: Option<SampleStatistics>,
 }
 
 /// Renders a picture on the threads of the current rayon pool. If their stacks are too small, it starts as many threads
@@ -45,7 +51,7 @@ pub struct Rendering {
 /// # Errors
 /// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
-    render_given(world, job, None, observer)
+    render_given(world, job, None, None, observer)
 }
 
 /// Renders a picture of a radiosity solution that is already found, as [`render`] does. With the solution of this world
@@ -63,20 +69,46 @@ pub fn render_with_solution(
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
     solution.check(world, job)?;
-    render_given(world, job, Some(solution), observer)
+    render_given(world, job, Some(solution), None, observer)
 }
 
-/// Renders a picture. If its solution of radiosity is given, it isn't solved.
+/// Goes on with the samples of a picture, up to the number that the job's film says. If they are the job's own, the
+/// bytes are equal to those of [`render`]. A picture of 64 samples can so be made of one of 32. A job of a single sample
+/// has another one than all others, so its picture isn't the start of any.
+///
+/// # Panics
+/// As [`render`].
+///
+/// # Errors
+/// [`JobError`] as from a render, and [`JobError::Start`] if the samples don't fit the job: another size, other numbers,
+/// or halves that aren't known and won't be.
+pub fn render_on(
+    world: &World,
+    job: &Job,
+    start: &SampleBlocks,
+    observer: &dyn Observer,
+) -> Result<Rendering, JobError> {
+    job.check()?;
+    progressive::check_start(job, start)?;
+    render_given(world, job, None, Some(start), observer)
+}
+
+/// Renders a picture. If its solution of radiosity is given, it isn't solved. If it has samples, they are gone on with.
 fn render_given(
     world: &World,
     job: &Job,
     solution: Option<&Arc<RadiositySolution>>,
+    start: Option<&SampleBlocks>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
     job.check()?;
     let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
     with_stack(stack_of(world, job), || {
+        if let (Integrator::Path(settings), Ok(())) = (job.integrator, job.passes()) {
+            let integrator = PreparedPath::new(world, settings);
+            return Ok(progressive::render(world, job, &integrator, start, observer));
+        }
         Ok(match prepare(world, job, solution, observer)? {
             ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
             ControlFlow::Break(()) => Rendering::unfinished(world, job),
@@ -121,7 +153,14 @@ impl Rendering {
         let [_, _, width, height] = job.window();
         let mut picture = Picture::new(width, height);
         picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
-        Rendering { picture, counts: Counts::default(), pixels_done: 0, complete: false }
+        Rendering {
+            picture,
+            counts: Counts::default(),
+            pixels_done: 0,
+            complete: false,
+            samples: None,
+            statistics: None,
+        }
     }
 }
 

@@ -77,7 +77,7 @@ impl<'a> PixelRenderer<'a> {
         };
         // Positions of a regular grid are distributed evenly over the four sides of the negative part.
         let step = if matches!(job.film.sampling, Sampling::Regular(_)) { 4 } else { 1 };
-        let division = filter.divide(camera_samples(job.film.sampling), step);
+        let division = filter.divide(job.film.sampling.count(), step);
         PixelRenderer {
             job,
             filter,
@@ -150,7 +150,7 @@ impl<'a> PixelRenderer<'a> {
                 samples.places.push(camera_sample.position);
                 samples.numbers.push(camera_sample.numbers);
             }
-            self.trace(integrator, self.job.film.sampling, &mut samples);
+            self.trace(integrator, spacing(self.job.film.sampling), &mut samples);
             lattice.fill(&sites, &samples.colors);
         }
         *integrator.counts() = counts;
@@ -168,7 +168,7 @@ impl<'a> PixelRenderer<'a> {
         match self.job.film.sampling {
             // Few of these pixels are refined.
             Sampling::Adaptive { .. } => batch_size / 4,
-            sampling => (batch_size / camera_samples(sampling) as usize).max(1),
+            sampling => (batch_size / sampling.count() as usize).max(1),
         }
     }
 
@@ -200,11 +200,68 @@ impl<'a> PixelRenderer<'a> {
             }
         } else {
             self.samples(integrator, pixels, sampling, &mut samples);
-            for (number, samples) in samples.pixels(camera_samples(sampling)).enumerate() {
+            for (number, samples) in samples.pixels(sampling.count()).enumerate() {
                 samples.for_each(|(color, weight)| add(number, color, weight));
             }
         }
         self.samples = samples;
+    }
+
+    /// Calls `add` with the number and the colours of a block of samples of many pixels, whose rays are traced together.
+    /// The block is the number of its first sample and its size. Does nothing if the render is cancelled meanwhile.
+    pub(crate) fn block<'w>(
+        &mut self,
+        integrator: &mut impl RayIntegrator<'w>,
+        pixels: &[[u32; 2]],
+        [first, size]: [u32; 2],
+        mut add: impl FnMut(usize, &mut [Rgb]),
+    ) {
+        let mut samples = std::mem::take(&mut self.samples);
+        samples.places.clear();
+        samples.numbers.clear();
+        for &pixel in pixels {
+            for index in first..first + size {
+                let CameraSample { position, numbers, .. } = self.progressive_sample(pixel, index);
+                samples.places.push(position);
+                samples.numbers.push(numbers);
+            }
+        }
+        self.trace(integrator, self.progressive_spacing(), &mut samples);
+        if !integrator.is_cancelled() {
+            for (number, colors) in samples.colors.chunks_exact_mut(size as usize).enumerate() {
+                add(number, colors);
+            }
+        }
+        self.samples = samples;
+    }
+
+    /// Adds the colours of a block of a pixel's samples to `colors`, and returns the number of rays traced. A probe
+    /// observes ray after ray.
+    pub(crate) fn block_with_probe<'w, P: Probe>(
+        &self,
+        integrator: &mut impl RayIntegrator<'w>,
+        pixel: [u32; 2],
+        [first, size]: [u32; 2],
+        probe: &mut P,
+        colors: &mut Vec<Rgb>,
+    ) -> u64 {
+        let samples = (first..first + size).map(|index| self.progressive_sample(pixel, index));
+        self.trace_each(integrator, samples, self.progressive_spacing(), probe, |color, _| colors.push(color))
+    }
+
+    /// Sample number `index` of a pixel of a picture made in passes. It doesn't depend on how many there are, unless there
+    /// is a single one.
+    fn progressive_sample(&self, [x, y]: [u32; 2], index: u32) -> CameraSample {
+        let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
+        let count = self.job.sample_count();
+        let numbers = self.sampler.pixel([x, y]).sample(index, count);
+        let [dx, dy] = if count == 1 { [0.0; 2] } else { self.filter.place(Part::Above, numbers.film()) };
+        CameraSample { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight: 1.0, numbers }
+    }
+
+    /// [`spacing`] in a picture made in passes: that of 64 samples, as their number isn't known.
+    fn progressive_spacing(&self) -> f64 {
+        if self.job.sample_count() == 1 { 1.0 } else { 0.125 }
     }
 
     /// Chooses and traces all samples of some pixels.
@@ -221,14 +278,14 @@ impl<'a> PixelRenderer<'a> {
             Sampling::Center => self.choose(pixels, Sampling::Center, samples),
             other => self.choose(pixels, other, samples),
         }
-        self.trace(integrator, sampling, samples);
+        self.trace(integrator, spacing(sampling), samples);
     }
 
     /// The colours of the chosen samples.
-    fn trace<'w, I: RayIntegrator<'w>>(&self, integrator: &mut I, sampling: Sampling, samples: &mut Samples) {
+    fn trace<'w, I: RayIntegrator<'w>>(&self, integrator: &mut I, spacing: f64, samples: &mut Samples) {
         let Samples { places, numbers, colors, lines, .. } = samples;
         colors.clear();
-        let (world, camera, spacing) = (integrator.world(), &self.job.camera, spacing(sampling));
+        let (world, camera) = (integrator.world(), &self.job.camera);
         // Lights and moving instances are at one time's positions.
         let alone = self.moves(world);
         if !self.plain || alone {
@@ -264,7 +321,7 @@ impl<'a> PixelRenderer<'a> {
     #[inline(always)]
     fn choose(&self, pixels: &[[u32; 2]], sampling: Sampling, samples: &mut Samples) {
         let Samples { places, numbers, weights, .. } = samples;
-        let each = camera_samples(sampling) as usize;
+        let each = sampling.count() as usize;
         let count = pixels.len() * each;
         places.resize(count, [0.0; 2]);
         numbers.resize(count, self.sampler.pixel([0; 2]).sample(0, 1));
@@ -283,7 +340,7 @@ impl<'a> PixelRenderer<'a> {
 
     /// The samples of a pixel.
     fn camera_samples(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = CameraSample> + use<'_, 'a> {
-        (0..camera_samples(sampling)).map(move |index| self.camera_sample(pixel, sampling, index))
+        (0..sampling.count()).map(move |index| self.camera_sample(pixel, sampling, index))
     }
 
     /// Sample number `index` of a pixel.
@@ -292,7 +349,7 @@ impl<'a> PixelRenderer<'a> {
         // The chapter counts rows from the bottom (fig. 5.9b).
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let sampler = self.sampler.pixel([x, y]);
-        let (numbers, division) = (sampler.sample(index, camera_samples(sampling)), &self.division);
+        let (numbers, division) = (sampler.sample(index, sampling.count()), &self.division);
         let at = |[dx, dy]: [f64; 2]| CameraSample { position: [corner[0] + dx, corner[1] + dy], weight: 1.0, numbers };
         // Distributed by the filter.
         let filtered = |(part, place): (Part, [f64; 2])| {
@@ -354,16 +411,29 @@ impl<'a> PixelRenderer<'a> {
         probe: &mut P,
         sum: &mut WeightedSum,
     ) -> u64 {
+        self.trace_each(integrator, camera_samples, spacing(sampling), probe, |color, weight| sum.add(color, weight))
+    }
+
+    /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. Returns the number of these
+    /// rays.
+    fn trace_each<'w, P: Probe>(
+        &self,
+        integrator: &mut impl RayIntegrator<'w>,
+        camera_samples: impl Iterator<Item = CameraSample>,
+        spacing: f64,
+        probe: &mut P,
+        mut add: impl FnMut(Rgb, f64),
+    ) -> u64 {
         let before = integrator.counts().total();
         let moves = self.moves(integrator.world());
         for camera_sample in camera_samples {
             probe.sample(camera_sample.position, camera_sample.weight);
-            let eye = self.eye(integrator.world(), camera_sample.position, &camera_sample.numbers, spacing(sampling));
+            let eye = self.eye(integrator.world(), camera_sample.position, &camera_sample.numbers, spacing);
             if !self.plain || moves {
                 probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
             }
             integrator.begin(camera_sample.numbers, eye.time);
-            sum.add(integrator.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight);
+            add(integrator.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight);
         }
         integrator.counts().total() - before
     }
@@ -400,14 +470,5 @@ fn spacing(sampling: Sampling) -> f64 {
         Sampling::Sampled(n) => 1.0 / f64::from(n).sqrt(),
         // There are two for each pixel.
         Sampling::Adaptive { .. } => std::f64::consts::FRAC_1_SQRT_2,
-    }
-}
-
-/// The number of samples of a pixel; for adaptive sampling, of a refined pixel.
-fn camera_samples(sampling: Sampling) -> u32 {
-    match sampling {
-        Sampling::Corner | Sampling::Center => 1,
-        Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => n * n,
-        Sampling::Sampled(n) => n,
     }
 }

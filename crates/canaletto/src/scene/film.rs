@@ -91,6 +91,15 @@ impl Sampling {
         }
     }
 
+    /// The number of rays of a pixel; for adaptive sampling, of a refined pixel.
+    pub fn count(&self) -> u32 {
+        match self {
+            Sampling::Corner | Sampling::Center => 1,
+            Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => n * n,
+            Sampling::Sampled(n) => *n,
+        }
+    }
+
     /// Whether each pixel has one ray.
     pub fn is_single(&self) -> bool {
         match self {

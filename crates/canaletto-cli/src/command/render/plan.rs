@@ -10,6 +10,7 @@ use crate::shooting_steps::StepPictures;
 use crate::source::Reader;
 use canaletto::Named;
 use canaletto::render::Aov;
+use canaletto::scene::Integrator;
 use canaletto_io::movie::Rate;
 use std::path::PathBuf;
 
@@ -37,7 +38,7 @@ impl Plan {
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
-                Layers::All => Aov::ALL.to_vec(),
+                Layers::All => Aov::made_by(&Integrator::default()),
                 Layers::One(aov) => vec![*aov],
             };
             for aov in named {

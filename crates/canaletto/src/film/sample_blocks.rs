@@ -1,0 +1,331 @@
+//! The samples of pixels as means over aligned blocks of a power of two of them, so that pictures can be added.
+//!
+//! Block [s, s + 2ᵏ) of samples is aligned if 2ᵏ divides s. Its mean is half the sum of its halves' means, down to single
+//! samples, each rounded to `f32`. It is therefore the same number whether the block was made at once, in passes, or by
+//! two programs. A pixel keeps its largest blocks: of 96 samples those of 64 and of 32. With a power of two of samples
+//! the picture itself is its only block, and nothing else is needed to go on with it.
+//!
+//! In Sobol's sequence with Owen's scrambling each aligned block is a net. So the halves of blocks are the best halves
+//! of a pixel: each of them covers all that is sampled.
+
+use crate::math::Rgb;
+
+/// The samples of a rectangle of pixels, in rows from the upper left. Each pixel has those from number `first` on.
+#[derive(Clone, Debug)]
+pub struct SampleBlocks {
+    width: u32,
+    height: u32,
+    first: u32,
+    /// The number of samples of each pixel.
+    counts: Vec<u32>,
+    /// The number of blocks that each pixel has room for.
+    room: usize,
+    /// The means of each pixel's blocks in the order of their samples.
+    means: Vec<Rgb>,
+    /// The means of the halves of these blocks; empty if they aren't kept. They are NaN where they are unknown.
+    halves: Vec<[Rgb; 2]>,
+}
+
+/// The mean of one aligned block of samples, with those of its halves. A single sample is both its halves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockMean {
+    /// The mean of all samples.
+    pub mean: Rgb,
+    /// The means of the first and of the second half.
+    pub halves: [Rgb; 2],
+}
+
+impl BlockMean {
+    /// The mean of two blocks of equal size, which are its halves.
+    #[inline]
+    pub fn of(halves: [Rgb; 2]) -> BlockMean {
+        // Halves are exact, and no sum of them overflows.
+        BlockMean { mean: halves[0] * 0.5 + halves[1] * 0.5, halves }
+    }
+
+    /// The mean of a power of two of samples. Their memory is overwritten.
+    ///
+    /// # Panics
+    /// If their number is no power of two.
+    pub fn of_samples(samples: &mut [Rgb]) -> BlockMean {
+        assert!(samples.len().is_power_of_two(), "{} samples are no block", samples.len());
+        let mut left = samples.len();
+        while left > 2 {
+            left /= 2;
+            for i in 0..left {
+                samples[i] = BlockMean::of([samples[2 * i], samples[2 * i + 1]]).mean;
+            }
+        }
+        BlockMean::of([samples[0], samples[left - 1]])
+    }
+}
+
+/// The sizes of the largest aligned blocks that make up samples `first` to `end`, which isn't included, in their order.
+pub fn block_sizes(first: u32, end: u32) -> impl Iterator<Item = u32> + Clone {
+    std::iter::successors(Some((first, 0)), move |(at, _)| {
+        let left = end.checked_sub(*at).filter(|left| *left > 0)?;
+        let aligned = if *at == 0 { u32::MAX } else { 1 << at.trailing_zeros() };
+        let size = aligned.min(1 << left.ilog2());
+        Some((at + size, size))
+    })
+    .skip(1)
+    .map(|(_, size)| size)
+}
+
+/// Equal samples: what a pixel has room for doesn't count.
+impl PartialEq for SampleBlocks {
+    fn eq(&self, other: &SampleBlocks) -> bool {
+        let key = |blocks: &SampleBlocks| (blocks.size(), blocks.first, blocks.keeps_halves());
+        let means = |blocks: &SampleBlocks, pixel: usize| {
+            let place = pixel * blocks.room;
+            let used = place..place + blocks.block_sizes(blocks.counts[pixel]).count();
+            (blocks.means[used.clone()].to_vec(), blocks.halves.get(used).map(<[_]>::to_vec))
+        };
+        key(self) == key(other)
+            && self.counts == other.counts
+            && (0..self.counts.len()).all(|pixel| means(self, pixel) == means(other, pixel))
+    }
+}
+
+impl SampleBlocks {
+    /// Pixels without samples.
+    pub fn new([width, height]: [u32; 2], first: u32, keeps_halves: bool) -> SampleBlocks {
+        let pixels = width as usize * height as usize;
+        let halves = if keeps_halves { vec![[Rgb::BLACK; 2]; pixels] } else { Vec::new() };
+        let (counts, means) = (vec![0; pixels], vec![Rgb::BLACK; pixels]);
+        SampleBlocks { width, height, first, counts, room: 1, means, halves }
+    }
+
+    /// Makes room for this many blocks of each pixel.
+    fn grow(&mut self, room: usize) {
+        fn spread<T: Copy + Default>(old: &[T], from: usize, to: usize) -> Vec<T> {
+            let mut new = vec![T::default(); old.len() / from * to];
+            new.chunks_exact_mut(to)
+                .zip(old.chunks_exact(from))
+                .for_each(|(new, old)| new[..from].copy_from_slice(old));
+            new
+        }
+        if room > self.room {
+            self.means = spread(&self.means, self.room, room);
+            self.halves = spread(&self.halves, self.room, room);
+            self.room = room;
+        }
+    }
+
+    /// The width and height in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// The number of the first sample of each pixel.
+    pub fn first(&self) -> u32 {
+        self.first
+    }
+
+    /// The number of samples of each pixel.
+    pub fn counts(&self) -> &[u32] {
+        &self.counts
+    }
+
+    /// Whether the halves of blocks are kept.
+    pub fn keeps_halves(&self) -> bool {
+        !self.halves.is_empty()
+    }
+
+    /// The largest number of blocks of a pixel.
+    pub fn most_blocks(&self) -> usize {
+        let mut last = (0, 0);
+        let blocks = self.counts.iter().map(|&count| {
+            if count != last.0 {
+                last = (count, self.block_sizes(count).count());
+            }
+            last.1
+        });
+        blocks.max().unwrap_or(0)
+    }
+
+    fn block_sizes(&self, count: u32) -> impl Iterator<Item = u32> + Clone + use<> {
+        block_sizes(self.first, self.first + count)
+    }
+
+    /// The blocks of a pixel: the number of samples and the mean of each.
+    pub fn blocks(&self, pixel: usize) -> impl Iterator<Item = (u32, Rgb)> {
+        self.block_sizes(self.counts[pixel]).zip(self.means[pixel * self.room..].iter().copied())
+    }
+
+    /// Adds the next block of `size` samples to a pixel. The size is a power of two that divides the number of samples
+    /// before it.
+    pub(crate) fn push(&mut self, pixel: usize, size: u32, block: BlockMean) {
+        let count = self.counts[pixel];
+        let mut blocks = self.block_sizes(count).count();
+        let (mut start, mut joined, mut block) = (self.first + count, size, block);
+        debug_assert!(start.is_multiple_of(size));
+        // As in binary addition: the block and the one before it, of equal size, are halves of a larger one.
+        while start & joined != 0 && start - joined >= self.first {
+            blocks -= 1;
+            block = BlockMean::of([self.means[pixel * self.room + blocks], block.mean]);
+            start -= joined;
+            joined *= 2;
+        }
+        self.grow(blocks + 1);
+        let place = pixel * self.room + blocks;
+        self.means[place] = block.mean;
+        if let Some(halves) = self.halves.get_mut(place) {
+            *halves = block.halves;
+        }
+        self.counts[pixel] = count + size;
+    }
+
+    /// The mean of a pixel's samples; black without samples.
+    pub fn mean(&self, pixel: usize) -> Rgb {
+        self.weighted(pixel, |place| self.means[place])
+    }
+
+    /// The means of the first and of the second halves of a pixel's blocks: two estimates of the same light. None if
+    /// they aren't kept. They are NaN if the halves of a block are unknown.
+    pub fn half_means(&self, pixel: usize) -> Option<[Rgb; 2]> {
+        self.keeps_halves().then(|| [0, 1].map(|half| self.weighted(pixel, |place| self.halves[place][half])))
+    }
+
+    /// The mean over blocks, weighted by the numbers of their samples.
+    fn weighted(&self, pixel: usize, value: impl Fn(usize) -> Rgb) -> Rgb {
+        let count = self.counts[pixel];
+        let place = pixel * self.room;
+        if count.is_power_of_two() && self.first.is_multiple_of(count) {
+            return value(place);
+        }
+        if count == 0 {
+            return Rgb::BLACK;
+        }
+        let mut sum = [0.0f64; 3];
+        for (place, size) in (place..).zip(self.block_sizes(count)) {
+            for (sum, v) in sum.iter_mut().zip(value(place).to_array()) {
+                *sum += f64::from(size) * f64::from(v);
+            }
+        }
+        Rgb::from(sum.map(|v| (v / f64::from(count)) as f32)).saturated()
+    }
+
+    /// A rectangle of these pixels: x, y, width and height. Halves that aren't kept are unknown in it if it keeps them.
+    pub(crate) fn part(&self, [x, y, width, height]: [u32; 4], keeps_halves: bool) -> SampleBlocks {
+        let mut part = SampleBlocks::new([width, height], self.first, keeps_halves);
+        part.grow(self.room);
+        for row in 0..height {
+            let from = (y + row) as usize * self.width as usize + x as usize;
+            part.copy(self, from, (row * width) as usize, width as usize);
+        }
+        part
+    }
+
+    /// Copies another rectangle of pixels into these, with its upper left corner at x and y.
+    pub(crate) fn insert(&mut self, part: &SampleBlocks, [x, y]: [u32; 2]) {
+        self.grow(part.most_blocks());
+        for row in 0..part.height {
+            let to = (y + row) as usize * self.width as usize + x as usize;
+            self.copy(part, (row * part.width) as usize, to, part.width as usize);
+        }
+    }
+
+    fn copy(&mut self, other: &SampleBlocks, from: usize, to: usize, pixels: usize) {
+        const UNKNOWN: [Rgb; 2] = [Rgb::gray(f32::NAN); 2];
+        self.counts[to..to + pixels].copy_from_slice(&other.counts[from..from + pixels]);
+        let both = self.room.min(other.room);
+        for i in 0..pixels {
+            let (from, to) = ((from + i) * other.room, (to + i) * self.room);
+            self.means[to..to + both].copy_from_slice(&other.means[from..from + both]);
+            if self.keeps_halves() {
+                match other.halves.get(from..from + both) {
+                    Some(halves) => self.halves[to..to + both].copy_from_slice(halves),
+                    None => self.halves[to..to + both].fill(UNKNOWN),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(i: u32) -> Rgb {
+        Rgb::new(i as f32 * 0.37 + 0.1, 1.0 / (i as f32 + 3.0), (i * i % 17) as f32)
+    }
+
+    /// Samples `first` to `end` in blocks of these sizes.
+    fn blocks(first: u32, sizes: &[u32]) -> SampleBlocks {
+        let mut film = SampleBlocks::new([1, 1], first, true);
+        let mut at = first;
+        for &size in sizes {
+            let mut samples: Vec<Rgb> = (at..at + size).map(sample).collect();
+            film.push(0, size, BlockMean::of_samples(&mut samples));
+            at += size;
+        }
+        film
+    }
+
+    #[test]
+    fn samples_make_the_largest_aligned_blocks() {
+        let of = |first, end| block_sizes(first, end).collect::<Vec<_>>();
+        assert_eq!(of(0, 96), [64, 32]);
+        assert_eq!(of(0, 1), [1]);
+        assert_eq!(of(3, 13), [1, 4, 4, 1]);
+        assert_eq!(of(32, 64), [32]);
+        assert_eq!(of(48, 80), [16, 16]);
+        assert_eq!(of(5, 5), [0u32; 0]);
+        assert_eq!(of(0, 65_536), [65_536]);
+    }
+
+    #[test]
+    fn blocks_are_equal_however_they_were_made() {
+        let at_once = blocks(0, &[64]);
+        assert_eq!(at_once.means[0], BlockMean::of_samples(&mut (0..64).map(sample).collect::<Vec<_>>()).mean);
+        for sizes in [vec![1; 64], vec![1, 1, 2, 4, 8, 16, 32], vec![32, 32], vec![16, 8, 8, 32]] {
+            let passes = blocks(0, &sizes);
+            assert_eq!(passes.mean(0), at_once.mean(0), "{sizes:?}");
+            assert_eq!(passes.half_means(0), at_once.half_means(0), "{sizes:?}");
+        }
+        // Two runs added.
+        let (a, b) = (blocks(0, &[32]), blocks(32, &[16, 16]));
+        assert_eq!(BlockMean::of([a.mean(0), b.mean(0)]).mean, at_once.mean(0));
+        let mut on = SampleBlocks::new([1, 1], 0, true);
+        on.insert(&a, [0, 0]);
+        on.push(0, 32, BlockMean { mean: b.mean(0), halves: b.half_means(0).unwrap() });
+        assert_eq!((on.mean(0), on.half_means(0)), (at_once.mean(0), at_once.half_means(0)));
+    }
+
+    #[test]
+    fn means_and_halves_are_those_of_the_samples() {
+        let film = blocks(0, &[16, 16, 16, 8, 4]);
+        assert_eq!(film.blocks(0).map(|(size, _)| size).collect::<Vec<_>>(), [32, 16, 8, 4]);
+        let mean_of = |which: &dyn Fn(u32) -> bool| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for i in (0..60).filter(|i| which(*i)) {
+                sum += f64::from(sample(i).r);
+                count += 1.0;
+            }
+            sum / count
+        };
+        let is_first = |i: u32| match i {
+            0..32 => i < 16,
+            32..48 => i < 40,
+            48..56 => i < 52,
+            _ => i < 58,
+        };
+        let [a, b] = film.half_means(0).unwrap();
+        for (got, exact) in
+            [(film.mean(0), mean_of(&|_| true)), (a, mean_of(&is_first)), (b, mean_of(&|i| !is_first(i)))]
+        {
+            assert!((f64::from(got.r) - exact).abs() < 1e-5 * exact, "{got:?} {exact}");
+        }
+    }
+
+    #[test]
+    fn halves_that_arent_kept_are_unknown_until_a_block_is_whole() {
+        let mut film = blocks(0, &[16]);
+        film.halves.clear();
+        let mut on = film.part([0, 0, 1, 1], true);
+        assert!(on.half_means(0).unwrap()[0].r.is_nan());
+        on.push(0, 16, BlockMean::of([Rgb::gray(2.0); 2]));
+        assert_eq!(on.half_means(0), Some([film.mean(0), Rgb::gray(2.0)]));
+    }
+}

@@ -1,0 +1,165 @@
+//! The error of a picture, estimated while it is made, by which pixels get more samples or none (after Dammertz, Hanika,
+//! Keller & Lensch, *A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination*, 2010).
+//!
+//! The halves of a pixel's samples estimate the same light, so half their difference is an estimate of the error of
+//! their mean. One such number says little. Cells of 8 × 8 pixels take the root of the mean square over all pixels and
+//! components, relative to the cell's brightness. That is the relative error of the cell.
+//!
+//! Light that is rarely found makes no error before it is found. Three rules answer this. No cell stops before it has
+//! [`NoiseEstimate::LEAST_SAMPLES`] samples. It goes on as long as one of its eight neighbours is too noisy. A cell that
+//! has stopped goes on again when that becomes true. So a cell rests on the samples of 24 × 24 pixels, 36,864 at least.
+
+use crate::math::Rgb;
+
+/// The error of each cell.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseEstimate {
+    size: [u32; 2],
+    /// The largest relative error that is asked for.
+    limit: f32,
+    /// The sum of the components of each pixel, and the sum of their squared errors.
+    light: Vec<f32>,
+    squares: Vec<f32>,
+    /// The relative error of each cell, in rows from the upper left.
+    errors: Vec<f32>,
+    /// Whether a cell needs more samples.
+    needed: Vec<bool>,
+}
+
+impl NoiseEstimate {
+    /// The number of samples of each pixel before its error is believed.
+    pub(super) const LEAST_SAMPLES: u32 = 64;
+    /// The side of a cell in pixels.
+    const CELL: u32 = 8;
+    /// The brightness that counts at least, as a share of that of the picture's middle cell. What is darker is seen
+    /// beside brighter parts, not by itself.
+    const DARKEST: f64 = 0.1;
+
+    pub(super) fn new(size: [u32; 2], limit: f32) -> NoiseEstimate {
+        let pixels = size[0] as usize * size[1] as usize;
+        let cells = size.map(|side| side.div_ceil(Self::CELL) as usize);
+        let cells = cells[0] * cells[1];
+        NoiseEstimate {
+            size,
+            limit,
+            light: vec![0.0; pixels],
+            squares: vec![0.0; pixels],
+            errors: vec![f32::INFINITY; cells],
+            needed: vec![true; cells],
+        }
+    }
+
+    /// The cell of a pixel in a picture of this width.
+    pub(super) fn cell_of([x, y]: [u32; 2], width: u32) -> usize {
+        (y / Self::CELL * width.div_ceil(Self::CELL) + x / Self::CELL) as usize
+    }
+
+    /// Sets the mean of a pixel's samples and the means of their halves. Unknown halves are NaN.
+    pub(super) fn set(&mut self, pixel: usize, mean: Rgb, halves: [Rgb; 2]) {
+        let square = |a: f32, b: f32| 0.25 * (a - b) * (a - b);
+        let [a, b] = halves;
+        self.light[pixel] = mean.r + mean.g + mean.b;
+        self.squares[pixel] = square(a.r, b.r) + square(a.g, b.g) + square(a.b, b.b);
+    }
+
+    /// Whether each cell needs more samples.
+    pub(super) fn needed(&self) -> &[bool] {
+        &self.needed
+    }
+
+    /// The largest relative error of a cell; infinite if one is unknown.
+    pub(super) fn largest(&self) -> f32 {
+        self.errors.iter().fold(0.0, |most, error| if *error <= most { most } else { error.max(most) })
+    }
+
+    /// Decides which cells need more than `count` samples. Returns the number of their pixels.
+    pub(super) fn judge(&mut self, count: u32) -> u64 {
+        let [across, down] = self.size.map(|side| side.div_ceil(Self::CELL));
+        let mut sums = Vec::with_capacity(self.errors.len());
+        for y in 0..down {
+            for x in 0..across {
+                let (mut light, mut squares, mut pixels) = (0.0f64, 0.0f64, 0u32);
+                for row in y * Self::CELL..((y + 1) * Self::CELL).min(self.size[1]) {
+                    for column in x * Self::CELL..((x + 1) * Self::CELL).min(self.size[0]) {
+                        let pixel = row as usize * self.size[0] as usize + column as usize;
+                        light += f64::from(self.light[pixel]);
+                        squares += f64::from(self.squares[pixel]);
+                        pixels += 1;
+                    }
+                }
+                let components = 3.0 * f64::from(pixels);
+                sums.push((light / components, (squares / components).sqrt(), pixels));
+            }
+        }
+        let mut lights: Vec<f64> = sums.iter().map(|(light, ..)| *light).filter(|light| *light > 0.0).collect();
+        lights.sort_unstable_by(f64::total_cmp);
+        let darkest = lights.get(lights.len() / 2).map_or(0.0, |middle| middle * Self::DARKEST);
+        for (error, (light, deviation, _)) in self.errors.iter_mut().zip(&sums) {
+            *error = if *deviation == 0.0 { 0.0 } else { (deviation / light.max(darkest)) as f32 };
+        }
+        // An unknown error is no number, and so not small enough.
+        let is_noisy = |x: u32, y: u32| {
+            let error = self.errors[(y * across + x) as usize];
+            error.is_nan() || error > self.limit
+        };
+        let mut pixels = 0;
+        for y in 0..down {
+            for x in 0..across {
+                let rows = y.saturating_sub(1)..(y + 2).min(down);
+                let is_needed = count < Self::LEAST_SAMPLES
+                    || rows
+                        .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(across)).map(move |x| [x, y]))
+                        .any(|[x, y]| is_noisy(x, y));
+                let cell = (y * across + x) as usize;
+                self.needed[cell] = is_needed;
+                pixels += if is_needed { u64::from(sums[cell].2) } else { 0 };
+            }
+        }
+        pixels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture of 3 × 3 cells of brightness 1, with one pixel whose halves differ by `difference`.
+    fn estimate(limit: f32, difference: f32) -> NoiseEstimate {
+        let mut noise = NoiseEstimate::new([20, 20], limit);
+        for pixel in 0..400 {
+            noise.set(pixel, Rgb::WHITE, [Rgb::WHITE; 2]);
+        }
+        noise.set(0, Rgb::WHITE, [Rgb::WHITE, Rgb::gray(1.0 + difference)]);
+        noise
+    }
+
+    #[test]
+    fn a_noisy_cell_keeps_its_neighbours_at_work() {
+        // The root of the mean of (difference / 2)² over 64 pixels.
+        let mut noise = estimate(0.1, 16.0);
+        assert_eq!(noise.judge(64), 16 * 16);
+        assert!((noise.largest() - 1.0).abs() < 1e-6);
+        assert_eq!(noise.needed, [true, true, false, true, true, false, false, false, false]);
+        assert_eq!(estimate(1.01, 16.0).judge(64), 0);
+        assert_eq!(estimate(0.99, 16.0).judge(64), 16 * 16);
+    }
+
+    #[test]
+    fn no_cell_stops_before_it_has_samples_and_known_halves() {
+        assert_eq!(estimate(0.1, 0.0).judge(NoiseEstimate::LEAST_SAMPLES - 1), 400);
+        assert_eq!(estimate(0.1, 0.0).judge(NoiseEstimate::LEAST_SAMPLES), 0);
+        assert_eq!(estimate(0.1, f32::NAN).judge(1000), 16 * 16);
+    }
+
+    #[test]
+    fn dark_cells_count_by_the_middle_of_the_picture() {
+        let mut noise = estimate(0.1, 0.0);
+        for row in 0..8 {
+            for column in 0..8 {
+                noise.set(row * 20 + column, Rgb::gray(1e-6), [Rgb::BLACK, Rgb::gray(2e-6)]);
+            }
+        }
+        assert_eq!(noise.judge(64), 0);
+        assert!((noise.largest() - 1e-5).abs() < 1e-9);
+    }
+}
