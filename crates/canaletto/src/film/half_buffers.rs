@@ -4,8 +4,8 @@ use super::Picture;
 use crate::math::Rgb;
 
 /// Two pictures of the same light by equal numbers of other samples, in rows from the upper left. Their mean is the
-/// picture. The squared difference of a pixel, divided by 4, estimates the variance of the picture there. In pictures by
-/// Sobol's sequence the variance is smaller than that where light is smooth.
+/// picture. The squared difference of a pixel, divided by 4, estimates the variance of the picture there. In pictures
+/// by Sobol's sequence the variance is smaller than that where light is smooth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HalfBuffers {
     /// Width in pixels.

@@ -1,9 +1,9 @@
 //! The samples of pixels as means over aligned blocks of a power of two of them, so that pictures can be added.
 //!
-//! Block [s, s + 2ᵏ) of samples is aligned if 2ᵏ divides s. Its mean is half the sum of its halves' means, down to single
-//! samples, each rounded to `f32`. It is therefore the same number whether the block was made at once, in passes, or by
-//! two programs. A pixel keeps its largest blocks: of 96 samples those of 64 and of 32. With a power of two of samples
-//! the picture itself is its only block, and nothing else is needed to go on with it.
+//! Block [s, s + 2ᵏ) of samples is aligned if 2ᵏ divides s. Its mean is half the sum of its halves' means, down to
+//! single samples, each rounded to `f32`. It is therefore the same number whether the block was made at once, in
+//! passes, or by two programs. A pixel keeps its largest blocks: of 96 samples those of 64 and of 32. With a power of
+//! two of samples the picture itself is its only block, and nothing else is needed to go on with it.
 //!
 //! In Sobol's sequence with Owen's scrambling each aligned block is a net. So the halves of blocks are the best halves
 //! of a pixel: each of them covers all that is sampled.

@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 /// Geometry layers (depth to material id) come from the first hit of the first sample, since a mean of two objects has
 /// no meaning. Pixels of the background have infinite depth and zeros elsewhere. Light layers (diffuse to refraction)
 /// are filtered like the picture, and so is `alpha`. They sum to it, except for `shadow`, which holds the light that
-/// shadows remove.
-/// `tree-depth` and `cost` count rays. `half-a`, `half-b` and `samples` tell of the samples of a picture that is made in
-/// passes.
+/// shadows remove. `tree-depth` and `cost` count rays. `half-a`, `half-b` and `samples` tell of the samples of a
+/// picture that is made in passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

@@ -34,8 +34,8 @@ pub struct Job {
     pub first_sample: u32,
     /// The largest relative error that blocks of pixels should have. Pixels get samples until it is estimated to be
     /// reached, but no more than the film says. It is the root of the mean square error of the components in a block of
-    /// 8 × 8 pixels, divided by the block's mean component. In dark blocks a tenth of the mean component of the middle one
-    /// of all blocks counts instead.
+    /// 8 × 8 pixels, divided by the block's mean component. In dark blocks a tenth of the mean component of the middle
+    /// one of all blocks counts instead.
     pub noise: Option<f32>,
     /// The largest component of a sample. Brighter samples become darker, which removes light from the picture.
     pub clamp: Option<f32>,

@@ -12,8 +12,8 @@ pub trait Observer: Sync {
     }
     /// Reports the progress after each tile.
     fn progress(&self, _progress: &Progress) {}
-    /// Reports that a pass over the picture has ended, for pictures that are made in passes of samples. One thread calls
-    /// it, and no other one works meanwhile. If it breaks, the picture is complete as it is.
+    /// Reports that a pass over the picture has ended, for pictures that are made in passes of samples. One thread
+    /// calls it, and no other one works meanwhile. If it breaks, the picture is complete as it is.
     fn pass_ended(&self, _progress: &PassProgress<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

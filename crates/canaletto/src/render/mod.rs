@@ -73,15 +73,15 @@ pub fn render_with_solution(
 }
 
 /// Goes on with the samples of a picture, up to the number that the job's film says. If they are the job's own, the
-/// bytes are equal to those of [`render`]. A picture of 64 samples can so be made of one of 32. A job of a single sample
-/// has another one than all others, so its picture isn't the start of any.
+/// bytes are equal to those of [`render`]. A picture of 64 samples can so be made of one of 32. A job of a single
+/// sample has another one than all others, so its picture isn't the start of any.
 ///
 /// # Panics
 /// As [`render`].
 ///
 /// # Errors
-/// [`JobError`] as from a render, and [`JobError::Start`] if the samples don't fit the job: another size, other numbers,
-/// or halves that aren't known and won't be.
+/// [`JobError`] as from a render, and [`JobError::Start`] if the samples don't fit the job: another size, other
+/// numbers, or halves that aren't known and won't be.
 pub fn render_on(
     world: &World,
     job: &Job,

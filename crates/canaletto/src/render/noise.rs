@@ -1,13 +1,14 @@
-//! The error of a picture, estimated while it is made, by which pixels get more samples or none (after Dammertz, Hanika,
-//! Keller & Lensch, *A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination*, 2010).
+//! The error of a picture, estimated while it is made, by which pixels get more samples or none (after Dammertz,
+//! Hanika, Keller & Lensch, *A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination*, 2010).
 //!
 //! The halves of a pixel's samples estimate the same light, so half their difference is an estimate of the error of
 //! their mean. One such number says little. Cells of 8 × 8 pixels take the root of the mean square over all pixels and
 //! components, relative to the cell's brightness. That is the relative error of the cell.
 //!
 //! Light that is rarely found makes no error before it is found. Three rules answer this. No cell stops before it has
-//! [`NoiseEstimate::LEAST_SAMPLES`] samples. It goes on as long as one of its eight neighbours is too noisy. A cell that
-//! has stopped goes on again when that becomes true. So a cell rests on the samples of 24 × 24 pixels, 36,864 at least.
+//! [`NoiseEstimate::LEAST_SAMPLES`] samples. It goes on as long as one of its eight neighbours is too noisy. A cell
+//! that has stopped goes on again when that becomes true. So a cell rests on the samples of 24 × 24 pixels, 36,864 at
+//! least.
 
 use crate::math::Rgb;
 

@@ -207,8 +207,9 @@ impl<'a> PixelRenderer<'a> {
         self.samples = samples;
     }
 
-    /// Calls `add` with the number and the colours of a block of samples of many pixels, whose rays are traced together.
-    /// The block is the number of its first sample and its size. Does nothing if the render is cancelled meanwhile.
+    /// Calls `add` with the number and the colours of a block of samples of many pixels, whose rays are traced
+    /// together. The block is the number of its first sample and its size. Does nothing if the render is cancelled
+    /// meanwhile.
     pub(crate) fn block<'w>(
         &mut self,
         integrator: &mut impl RayIntegrator<'w>,
@@ -249,8 +250,8 @@ impl<'a> PixelRenderer<'a> {
         self.trace_each(integrator, samples, self.progressive_spacing(), probe, |color, _| colors.push(color))
     }
 
-    /// Sample number `index` of a pixel of a picture made in passes. It doesn't depend on how many there are, unless there
-    /// is a single one.
+    /// Sample number `index` of a pixel of a picture made in passes. It doesn't depend on how many there are, unless
+    /// there is a single one.
     fn progressive_sample(&self, [x, y]: [u32; 2], index: u32) -> CameraSample {
         let corner = [f64::from(x), f64::from(self.job.camera.size()[1] - 1 - y)];
         let count = self.job.sample_count();

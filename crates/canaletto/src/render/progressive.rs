@@ -1,7 +1,7 @@
 //! Pictures that grow by passes: each pass adds an aligned block of samples to every pixel that still needs some.
 //!
-//! Sample i of a pixel doesn't depend on how many there will be. So a picture can be stopped after any pass, gone on with
-//! later, and made in parts that are added ([`SampleBlocks`]).
+//! Sample i of a pixel doesn't depend on how many there will be. So a picture can be stopped after any pass, gone on
+//! with later, and made in parts that are added ([`SampleBlocks`]).
 
 use super::aov_probe::AovProbe;
 use super::noise::NoiseEstimate;
