@@ -10,9 +10,12 @@ use std::fmt::{self, Debug, Write};
 pub(crate) struct Digest(u64);
 
 impl Digest {
+    /// The digest of nothing.
+    pub(crate) const EMPTY: Digest = Digest(0);
+
     /// The digest of the program: its version and the hash of its sources.
     pub(crate) fn of_program() -> Digest {
-        Digest(0).with(&(env!("CARGO_PKG_VERSION"), env!("CANALETTO_SOURCES")))
+        Digest::EMPTY.with(&(env!("CARGO_PKG_VERSION"), env!("CANALETTO_SOURCES")))
     }
 
     /// Adds a value by its `Debug` text, which holds all fields and exact numbers.

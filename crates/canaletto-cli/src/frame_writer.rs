@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::layers;
 use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part};
-use crate::preview::{Preview, enlarged};
+use crate::preview::{Preview, PreviewFile, enlarged};
 use crate::progress::Style;
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
@@ -52,21 +52,15 @@ impl<'a> FrameWriter<'a> {
         Ok(files.iter().map(|file| file.display().to_string()).collect())
     }
 
-    /// Writes a coarse picture in the place of the whole one; returns its name.
+    /// Writes a coarse picture in the place of the whole one, or in the file of previews; returns its name.
     pub(crate) fn write_preview(&self, frame: &FramePicture<'_>, preview: &Preview) -> Result<String, Failure> {
-        let (job, output) = (frame.job, &self.plan.output);
-        let file = output.path(job.frame);
-        let Some(format) = output.format.picture() else { return Ok(file.display().to_string()) };
+        let (job, output) = (frame.job, self.plan.preview.as_ref().unwrap_or(&self.plan.output));
         let [_, _, width, height] = job.window();
         let picture = enlarged(&frame.rendering.picture, [width, height]);
-        let mut texts = texts(frame.texts, job, None);
         let block = preview.block;
-        texts.push((UNFINISHED.into(), format!("a preview with one ray for {block} x {block} pixels")));
-        let settings = EncodeSettings { compression: Compression::Fast, ..self.settings(frame) };
-        let rendered = Rendered { picture: &picture, film: &job.film };
-        let bytes = format.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))?;
-        output.write(&file, &bytes)?;
-        Ok(file.display().to_string())
+        let file = PreviewFile { output, job, texts: frame.texts, window: window(job) };
+        file.write_as(&picture, format!("a preview with one ray for {block} x {block} pixels"))?;
+        Ok(output.path(job.frame).display().to_string())
     }
 
     /// Writes a partial picture and its layers beside their files; returns the names.

@@ -26,6 +26,7 @@ mod omissions;
 mod output;
 mod output_format;
 mod partial;
+mod passes;
 mod picture_file;
 mod preview;
 mod progress;

@@ -1,10 +1,15 @@
-//! `--preview`: coarse pictures before the whole one.
+//! `--preview`: coarse pictures before the whole one, and the whole one while samples are added to it.
 
+use crate::complete::texts;
+use crate::failure::Failure;
 use crate::flags::{PictureFlags, PictureSize};
+use crate::output::{Output, unfit};
+use crate::partial::UNFINISHED;
 use crate::settings::Settings;
 use canaletto::film::Picture;
 use canaletto::render::Job;
 use canaletto::scene::Scene;
+use canaletto_io::picture::{Compression, EncodeSettings, Rendered, Window};
 
 /// The sides of the blocks of pixels that one ray stands for, in the order of the previews.
 const BLOCKS: [u32; 3] = [16, 4, 1];
@@ -35,6 +40,37 @@ pub(crate) fn previews(name: &str, scene: &Scene, flags: &PictureFlags, whole: &
         Some(Preview { job: Job { tile: whole.tile, ..job }, block })
     });
     jobs.collect()
+}
+
+/// The file of pictures in the making.
+pub(crate) struct PreviewFile<'a> {
+    pub output: &'a Output,
+    pub job: &'a Job,
+    /// The text entries of the picture's file.
+    pub texts: &'a [(String, String)],
+    pub window: Window,
+}
+
+impl PreviewFile<'_> {
+    /// Writes the picture after a pass, when each pixel has `samples` samples or as many as it needs.
+    pub(crate) fn write(&self, picture: &Picture, samples: u32) -> Result<(), Failure> {
+        self.write_as(picture, format!("a preview with {samples} samples"))
+    }
+
+    /// Writes a picture that is no complete one, and why it isn't.
+    pub(crate) fn write_as(&self, picture: &Picture, unfinished: String) -> Result<(), Failure> {
+        let Some(format) = self.output.format.picture() else { return Ok(()) };
+        let mut texts = texts(self.texts, self.job, None);
+        texts.push((UNFINISHED.into(), unfinished));
+        let settings = EncodeSettings {
+            compression: Compression::Fast,
+            window: Some(self.window),
+            ..self.output.settings
+        };
+        let rendered = Rendered { picture, film: &self.job.film };
+        let bytes = format.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))?;
+        self.output.write(&self.output.path(self.job.frame), &bytes)
+    }
 }
 
 /// The picture with each pixel as a block, at a size in pixels.

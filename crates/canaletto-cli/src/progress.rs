@@ -82,6 +82,10 @@ struct ProgressEvent {
     frames_done: u64,
     frames_total: u64,
     seconds_left_in_all: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<f32>,
 }
 
 /// The event "solving".
@@ -173,7 +177,38 @@ pub(crate) struct ProgressDisplay {
     state: Mutex<State>,
 }
 
+/// A picture in the making after a pass of samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PassState {
+    /// The number of samples of each pixel that still needed some.
+    pub samples: u32,
+    /// The noise that is asked for, and the present one.
+    pub noise: Option<(f32, f32)>,
+    /// The time that is asked for.
+    pub limit: Option<Duration>,
+}
+
+impl PassState {
+    /// The share of the work that is done, if it doesn't end with a number of samples. The error falls as the root of
+    /// the number of samples.
+    fn share(&self, seconds: f64) -> Option<f64> {
+        let by_time = self.limit.map(|limit| seconds / limit.as_secs_f64());
+        let by_noise = self.noise.map(|(asked, noise)| f64::from(asked / noise).powi(2));
+        let by_noise = by_noise.filter(|share| share.is_finite());
+        let share = by_time.into_iter().chain(by_noise).reduce(f64::max)?;
+        Some(share.clamp(1e-6, 1.0))
+    }
+
+    fn words(&self) -> String {
+        let noise = self.noise.filter(|(_, noise)| noise.is_finite());
+        let noise = noise.map_or_else(String::new, |(asked, noise)| format!(", noise {noise:.3} of {asked}"));
+        format!("{} samples{noise}, ", count(self.samples.into()))
+    }
+}
+
 struct State {
+    /// The last pass of samples.
+    pass: Option<PassState>,
     last: Instant,
     pixels_done: u64,
     /// The name of the phase of solving, and the time of its last report. Pixels begin after that.
@@ -201,8 +236,13 @@ impl ProgressDisplay {
             whole,
             start: now,
             bar,
-            state: Mutex::new(State { last: now, pixels_done: 0, phase: "", solved: now }),
+            state: Mutex::new(State { pass: None, last: now, pixels_done: 0, phase: "", solved: now }),
         }
+    }
+
+    /// Takes note of a pass of samples.
+    pub(crate) fn passed(&self, pass: PassState) {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).pass = Some(pass);
     }
 
     /// Clears the bar and returns the time that the render took.
@@ -257,7 +297,9 @@ impl Observer for ProgressDisplay {
         }
         (state.last, state.pixels_done) = (Instant::now(), progress.pixels_done);
         let seconds = state.solved.elapsed().as_secs_f64().max(1e-9);
-        let share = progress.pixels_done as f64 / progress.pixels as f64;
+        let pass = state.pass;
+        let share = pass.and_then(|pass| pass.share(seconds));
+        let share = share.unwrap_or(progress.pixels_done as f64 / progress.pixels as f64);
         let event = ProgressEvent {
             event: "progress",
             frame: self.frame,
@@ -271,7 +313,10 @@ impl Observer for ProgressDisplay {
             frames_done: self.whole.done,
             frames_total: self.whole.frames,
             seconds_left_in_all: self.whole.left(share, seconds),
+            samples: pass.map(|pass| pass.samples),
+            noise: pass.and_then(|pass| pass.noise).map(|(_, noise)| noise).filter(|noise| noise.is_finite()),
         };
+        let made = pass.map_or_else(String::new, |pass| pass.words());
         let speed = rate(event.rays_per_second);
         let time = |seconds: f64| duration(Duration::from_secs_f64(seconds.clamp(0.0, 1e9)));
         let left = match self.whole.frames {
@@ -281,11 +326,11 @@ impl Observer for ProgressDisplay {
         match self.style {
             Style::Silent => {}
             Style::Json => emit(&event),
-            Style::Plain => eprint_line(&format!("{}{:.0}%, {speed}, {left}", self.label, event.percent)),
+            Style::Plain => eprint_line(&format!("{}{:.0}%, {made}{speed}, {left}", self.label, event.percent)),
             Style::Bar => {
                 if let Some(bar) = &self.bar {
-                    bar.set_position(event.pixels_done);
-                    bar.set_message(format!("{speed}, {left}"));
+                    bar.set_position((share * progress.pixels as f64) as u64);
+                    bar.set_message(format!("{made}{speed}, {left}"));
                 }
             }
         }

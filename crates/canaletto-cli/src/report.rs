@@ -2,6 +2,7 @@
 
 use crate::format::{count, duration, plural, rate};
 use crate::solutions::SolutionSource;
+use canaletto::film::SampleStatistics;
 use canaletto::integrator::RayCounts;
 use canaletto::world::ReuseCounts;
 use serde::Serialize;
@@ -34,6 +35,9 @@ pub(crate) struct Report {
     /// Where the solution of radiosity comes from.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solution: Option<SolutionSource>,
+    /// The samples of a picture that was made in passes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<SampleReport>,
     /// Other numbers of the integrator.
     #[serde(flatten)]
     pub counts: BTreeMap<&'static str, u64>,
@@ -45,6 +49,47 @@ pub(crate) struct Report {
     pub threads: usize,
     /// The duration of each step.
     pub seconds: Times,
+}
+
+/// The samples of a picture that was made in passes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct SampleReport {
+    /// The smallest, largest and mean number of samples of a pixel.
+    pub fewest: u32,
+    pub most: u32,
+    pub mean: f64,
+    /// The largest relative error of a block of pixels, if it was limited and is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f32>,
+    /// The number of samples that weren't finite.
+    pub non_finite: u64,
+    /// The number of samples that --clamp made darker, and the share of the picture's light that it removed.
+    pub clamped: u64,
+    pub removed: f64,
+}
+
+impl SampleReport {
+    pub(crate) fn new(statistics: &SampleStatistics, pixels: u64) -> SampleReport {
+        SampleReport {
+            fewest: statistics.fewest,
+            most: statistics.most,
+            mean: statistics.total as f64 / pixels.max(1) as f64,
+            noise: statistics.noise.filter(|noise| noise.is_finite()),
+            non_finite: statistics.non_finite,
+            clamped: statistics.clamped,
+            removed: statistics.removed_share(),
+        }
+    }
+
+    /// The numbers for people.
+    pub(crate) fn words(&self) -> String {
+        let (fewest, most) = (self.fewest, self.most);
+        let noise = self.noise.map_or_else(String::new, |noise| format!(", noise {noise:.3}"));
+        if fewest == most {
+            return format!("{}{noise}", plural(fewest.into(), "sample"));
+        }
+        format!("{} to {} samples, {:.0} on average{noise}", count(fewest.into()), count(most.into()), self.mean)
+    }
 }
 
 /// The durations of the steps in seconds.
@@ -79,7 +124,9 @@ impl Report {
             [only] => only.clone(),
             [first, more @ ..] => format!("{first} and {}", plural(more.len() as u64, "layer")),
         };
-        out += &format!("{files}: {width} x {height} pixels, {sampling}\n");
+        // What a render with an open end made isn't what it was allowed to.
+        let made = self.samples.map_or_else(|| sampling.to_owned(), |samples| format!("{} per pixel", samples.words()));
+        out += &format!("{files}: {width} x {height} pixels, {made}\n");
         if self.rays_total > 0 {
             out += &format!("  {:<10} {:>15} {:>15}\n", "rays", "traced", "hit");
         }

@@ -6,19 +6,20 @@ use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
-use crate::frame_writer::{FramePicture, FrameWriter};
+use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
 use crate::omissions::{doubt_omissions, shortfalls};
-use crate::preview::{Preview, previews};
+use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
+use crate::preview::{Preview, PreviewFile, previews};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
-use crate::report::{Report, Times};
+use crate::report::{Report, SampleReport, Times};
 use crate::settings::{Settings, metadata, sampling_words};
 use crate::shooting_steps::StepWriter;
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
-use canaletto::render::{Job, JobError, Observer, Rendering, render, render_with_solution};
+use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
 use canaletto::scene::{Integrator, Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
@@ -50,6 +51,8 @@ struct FrameContext {
     fingerprint: Option<SolutionFingerprint>,
     /// The text entries of the files.
     texts: Vec<(String, String)>,
+    /// The text entry by which files of --continue are compared with the scene.
+    scene_digest: (String, String),
     times: Times,
     previews: Vec<Preview>,
     scene: Option<Scene>,
@@ -166,8 +169,10 @@ impl<'a> Series<'a> {
 
     /// Evaluates the settings of a scene at its frame.
     fn frame_context(&self, source: Source) -> Result<FrameContext, Failure> {
-        let settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
+        let mut settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
+        settings.job = self.flags.passes.apply(settings.job, self.flags.picture.samples)?;
         let mut texts = metadata(&self.flags.source, &settings);
+        texts.extend(self.flags.passes.texts());
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         if self.plan.numbered {
             if self.reader.timeline().seconds {
@@ -175,8 +180,10 @@ impl<'a> Series<'a> {
             }
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.set);
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
+        } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
+            texts.push(scene_digest(&source.files, &self.flags.source.set));
         }
-        let previews = match self.flags.preview {
+        let previews = match self.plan.preview.is_some() {
             true => previews(&source.name, &source.scene, &self.flags.picture, &job),
             false => Vec::new(),
         };
@@ -184,6 +191,7 @@ impl<'a> Series<'a> {
         Ok(FrameContext {
             camera: settings.camera,
             fingerprint: fingerprint(&source.scene, &job),
+            scene_digest: scene_digest(&source.files, &self.flags.source.set),
             job,
             texts,
             times,
@@ -243,15 +251,43 @@ impl<'a> Series<'a> {
         };
         interrupt::Rendering::begins();
         let first_solution = self.previews(frame_context, world, &job)?;
+        let start = match &self.flags.passes.continue_from {
+            Some(file) => {
+                let mut texts = frame_context.texts.clone();
+                if !plan.output.format.has_layers() {
+                    texts.push(frame_context.scene_digest.clone());
+                }
+                Some(samples_of_file(file, &job, &texts)?)
+            }
+            None => None,
+        };
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
-        let rendered = self.rendering(frame_context, world, &job, &watch);
+        let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
+        let texts = &frame_context.texts;
+        let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
+        let observer = PassObserver::new(&watch, plan.style, frame, &self.flags.passes, preview);
+        let rendered = match &start {
+            Some(start) => render_on(world, &job, start, &observer)
+                .map(|rendering| (rendering, None))
+                .map_err(|error| Failure::new(Exit::Scene, format!("--continue: {error}"))),
+            None => self.rendering(frame_context, world, &job, &observer),
+        };
+        let failure = observer.failure();
         let render = watch.finish().as_secs_f64();
-        let (rendering, solution) = rendered?;
+        if let Some(failure) = failure {
+            return Err(failure);
+        }
+        let (mut rendering, solution) = rendered?;
+        let mut texts = frame_context.texts.clone();
+        if !plan.numbered && plan.output.format.has_layers() {
+            add_samples(&mut rendering, &mut texts);
+        }
         let solution = first_solution.or(solution);
         self.tell_of_solves(solution);
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
-        let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &frame_context.texts };
+        let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };
+        self.tell_of_samples(&rendering, &job);
         let files = if rendering.complete {
             self.writer.write(&frame_picture)?
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
@@ -272,6 +308,7 @@ impl<'a> Series<'a> {
             hierarchies: frame_context.hierarchies,
             rays: rendering.counts.rays,
             solution,
+            samples: rendering.statistics.as_ref().map(|statistics| SampleReport::new(statistics, pixels)),
             counts: rendering.counts.others.iter().copied().collect(),
             rays_total,
             rays_per_second: (rays_total as f64 / render.max(1e-9)).round(),
@@ -354,6 +391,12 @@ impl<'a> Series<'a> {
     fn first_solve(&self, report: &Report) -> Duration {
         let is_first = report.solution == Some(SolutionSource::Solved) && self.solutions.solves == 1;
         if is_first { self.solutions.solve_time } else { Duration::ZERO }
+    }
+
+    /// Warns of samples that aren't finite, of light that a clamp removes, and of noise that isn't as low as asked.
+    fn tell_of_samples(&mut self, rendering: &Rendering, job: &Job) {
+        let Some(statistics) = &rendering.statistics else { return };
+        self.tell_of(&shortfalls(&self.reader.name, &sample_warnings(statistics, job, rendering.complete)));
     }
 
     /// Says once that radiosity is solved again for frames whose scene changes.
@@ -465,6 +508,15 @@ fn percent(report: &Report) -> String {
 }
 
 fn one_interrupted(paint: &str, report: &Report) -> String {
+    if let (Some(samples), Some(file)) = (&report.samples, report.files.first())
+        && samples.fewest > 0
+    {
+        let go_on = match file.ends_with(".exr") {
+            true => format!("; --continue {file} goes on with it"),
+            false => String::new(),
+        };
+        return format!("{paint} each pixel has {}; {file} has the picture{go_on}", samples.words());
+    }
     let percent = percent(report);
     match report.files.first() {
         Some(file) => {

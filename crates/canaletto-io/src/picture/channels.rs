@@ -37,7 +37,7 @@ fn names<'a>(layers: impl Iterator<Item = (&'a str, &'a [&'a str])>) -> impl Ite
     ["R", "G", "B"].into_iter().map(str::to_owned).chain(layers)
 }
 
-fn channel_name(layer: &str, channel: &str) -> String {
+pub(super) fn channel_name(layer: &str, channel: &str) -> String {
     // Blender and Nuke accept letters, digits and underscores in a layer's name.
     format!("{}.{channel}", layer.replace('-', "_"))
 }

@@ -8,7 +8,17 @@
 //! In Sobol's sequence with Owen's scrambling each aligned block is a net. So the halves of blocks are the best halves
 //! of a pixel: each of them covers all that is sampled.
 
+use super::Layer;
 use crate::math::Rgb;
+
+/// The halves of a block of which only the mean is known.
+const UNKNOWN: [Rgb; 2] = [Rgb::gray(f32::NAN); 2];
+
+/// The names of the layers of blocks. Numbers of samples have at most 17 digits.
+pub const BLOCK_LAYERS: [&str; 17] = [
+    "block-1", "block-2", "block-3", "block-4", "block-5", "block-6", "block-7", "block-8", "block-9", "block-10",
+    "block-11", "block-12", "block-13", "block-14", "block-15", "block-16", "block-17",
+];
 
 /// The samples of a rectangle of pixels, in rows from the upper left. Each pixel has those from number `first` on.
 #[derive(Clone, Debug)]
@@ -94,6 +104,54 @@ impl SampleBlocks {
         let halves = if keeps_halves { vec![[Rgb::BLACK; 2]; pixels] } else { Vec::new() };
         let (counts, means) = (vec![0; pixels], vec![Rgb::BLACK; pixels]);
         SampleBlocks { width, height, first, counts, room: 1, means, halves }
+    }
+
+    /// Pixels with these numbers of samples from number `first` on. `mean` returns the mean of a block of a pixel, and
+    /// `halves` those of a pixel with a single block; without it they are unknown.
+    ///
+    /// # Panics
+    /// If there are too few counts for the size.
+    pub fn of(
+        size: [u32; 2],
+        first: u32,
+        counts: &[u32],
+        mean: impl Fn(usize, usize) -> Rgb,
+        halves: Option<&dyn Fn(usize) -> [Rgb; 2]>,
+    ) -> SampleBlocks {
+        let mut blocks = SampleBlocks::new(size, first, halves.is_some());
+        for (pixel, &count) in counts[..blocks.counts.len()].iter().enumerate() {
+            let number = blocks.block_sizes(count).count();
+            blocks.grow(number);
+            blocks.counts[pixel] = count;
+            for block in 0..number {
+                let place = pixel * blocks.room + block;
+                blocks.means[place] = mean(pixel, block);
+                if let Some(halves) = halves {
+                    blocks.halves[place] = if number == 1 { halves(pixel) } else { UNKNOWN };
+                }
+            }
+        }
+        blocks
+    }
+
+    /// The layers that a picture file needs besides the picture, so that its samples can be gone on with: `samples`, if
+    /// their number isn't the same everywhere, and a layer for the mean of each block, `block-1` to `block-17`, unless
+    /// every pixel has one block.
+    pub fn layers(&self) -> Vec<Layer> {
+        let mut layers = Vec::new();
+        if self.counts.iter().any(|count| *count != self.counts[0]) {
+            let data = self.counts.iter().map(|count| *count as f32).collect();
+            layers.push(Layer { name: "samples", channels: &["X"], data, ids: Vec::new() });
+        }
+        let most = self.most_blocks();
+        for (block, name) in BLOCK_LAYERS.iter().enumerate().take(if most > 1 { most } else { 0 }) {
+            let mut data = Vec::with_capacity(self.counts.len() * 3);
+            for pixel in 0..self.counts.len() {
+                data.extend(self.blocks(pixel).nth(block).map_or([0.0; 3], |(_, mean)| mean.to_array()));
+            }
+            layers.push(Layer { name, channels: &["R", "G", "B"], data, ids: Vec::new() });
+        }
+        layers
     }
 
     /// Makes room for this many blocks of each pixel.
@@ -227,7 +285,6 @@ impl SampleBlocks {
     }
 
     fn copy(&mut self, other: &SampleBlocks, from: usize, to: usize, pixels: usize) {
-        const UNKNOWN: [Rgb; 2] = [Rgb::gray(f32::NAN); 2];
         self.counts[to..to + pixels].copy_from_slice(&other.counts[from..from + pixels]);
         let both = self.room.min(other.room);
         for i in 0..pixels {

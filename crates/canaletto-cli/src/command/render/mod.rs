@@ -14,6 +14,7 @@ use crate::memory::Memory;
 use crate::output::{OutputFlags, replaced};
 use crate::output_format::Format;
 use crate::partial::partial;
+use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
 use crate::series::Series;
 use crate::settings::Settings;
@@ -44,6 +45,8 @@ pub(crate) struct RenderFlags {
     pub output: OutputFlags,
     #[command(flatten)]
     pub picture: PictureFlags,
+    #[command(flatten)]
+    pub passes: PassFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
     #[command(flatten)]
@@ -87,9 +90,12 @@ pub(crate) struct RenderFlags {
     /// Writes coarse pictures first: the file is there soon and becomes finer
     ///
     /// The first picture has a ray for each block of 16 x 16 pixels, the next ones for 4 x 4 and for each pixel. With
-    /// radiosity they come after the solution. Layers come with the whole picture.
-    #[arg(long, conflicts_with = "no_clobber", help_heading = "Output")]
-    pub preview: bool,
+    /// radiosity they come after the solution. A picture by paths is then written after each pass of samples, too. Layers
+    /// come with the whole picture. --preview=FILE writes these pictures into another file, such as live.png. The file is
+    /// always a whole picture: an image viewer that reloads changed files shows the render live.
+    #[arg(long, conflicts_with = "no_clobber", num_args = 0..=1, require_equals = true, value_name = "FILE",
+        help_heading = "Output")]
+    pub preview: Option<Option<PathBuf>>,
 
     /// Renders again when the scene or a file that it names changes, until Ctrl-C
     ///
@@ -122,6 +128,9 @@ Examples:
   canaletto render scenes/*.kdl -o 'small/{name}.half.png' --size 50%
   canaletto render room.kdl --save-solution room.rad         # radiosity solved once, for ...
   canaletto render room.kdl --solution room.rad --camera two -o two.png
+  canaletto render room.kdl --integrator path --time 60s -o room.exr
+  canaletto render room.kdl --integrator path --noise 0.02 --preview=live.png
+  canaletto render room.kdl --integrator path --samples 1024 --continue room.exr -o room.exr
   canaletto render shot.kdl --watch --preview                # while the scene is being written
   make-scene | canaletto render - -o made.png                # a scene text on the standard input";
 
@@ -130,7 +139,8 @@ fn long_help() -> String {
         "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the finished part beside the picture, as \
          name.partial.png. An existing name.png stays. The next complete picture removes the part. Layers, frames and \
          films have such parts, too; the part of a film has the frames so far. Finished frames stay, and the same \
-         command continues with the next frame. The program ends within two seconds. A part that takes longer to save \
+         command continues with the next frame. A picture by paths keeps the samples that its pixels have: its part is whole after the first pass, \
+         and --continue name.partial.exr goes on with it. The program ends within two seconds. A part that takes longer to save \
          has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program at once."
     )
 }
@@ -173,10 +183,12 @@ impl Task {
     /// All files that this task may write.
     fn outputs(&self) -> Vec<PathBuf> {
         let steps = self.plan.steps.iter().flat_map(StepPictures::existing);
+        let preview = self.flags.preview.clone().flatten();
         let pictures = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
         pictures
             .flat_map(|file| [partial(&file), file])
             .chain(self.flags.solution.save_solution.clone())
+            .chain(preview)
             .chain(steps)
             .collect()
     }
@@ -308,7 +320,8 @@ fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result
     if !flags.quiet {
         print_diagnostics(&source.warnings, plan.style == Style::Json);
     }
-    let settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+    let mut settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
+    settings.job = flags.passes.apply(settings.job, flags.picture.samples)?;
     let [_, _, width, height] = settings.job.window();
     settings.check_pixels()?;
     flags.solution.check_integrator(&source.name, &settings.job.integrator)?;

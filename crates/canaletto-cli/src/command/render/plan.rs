@@ -4,7 +4,7 @@ use super::{Layers, RenderFlags, stem};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::frames::{Frames, FramesFlag};
-use crate::output::Output;
+use crate::output::{Output, OutputFlags};
 use crate::progress::Style;
 use crate::shooting_steps::StepPictures;
 use crate::source::Reader;
@@ -12,7 +12,7 @@ use canaletto::Named;
 use canaletto::render::Aov;
 use canaletto::scene::Integrator;
 use canaletto_io::movie::Rate;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The work of `render`, derived from all flags.
 pub(crate) struct Plan {
@@ -24,6 +24,8 @@ pub(crate) struct Plan {
     pub aovs: Vec<Aov>,
     pub style: Style,
     pub steps: Option<StepPictures>,
+    /// Where pictures in the making are written.
+    pub preview: Option<Output>,
 }
 
 impl Plan {
@@ -56,12 +58,13 @@ impl Plan {
             return Err(Failure::usage(format!("--aov: {} has no layers", output.format))
                 .help("render numbered pictures, such as --output shot.####.exr"));
         }
-        if flags.preview {
-            check_preview(&output, frames)?;
-        }
+        let preview = match &flags.preview {
+            Some(own) => Some(preview(&flags.output, own.as_deref(), &output, frames)?),
+            None => None,
+        };
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
         let steps = steps(flags, &output, frames)?;
-        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps })
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps, preview })
     }
 
     /// The files of a frame, the picture first.
@@ -80,13 +83,23 @@ impl Plan {
     }
 }
 
-/// Checks that the picture can be replaced by finer ones.
-fn check_preview(output: &Output, frames: Frames) -> Result<(), Failure> {
+/// The output of pictures in the making: that of the picture, which finer ones replace, or a file of its own.
+fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Frames) -> Result<Output, Failure> {
+    if let Some(own) = own {
+        let flags = OutputFlags { output: Some(own.to_owned()), format: None, bits: None, compression: None, ..flags.clone() };
+        let preview = Output::new(&OutputFlags { uint_ids: false, ..flags }, "", false, false)?;
+        if preview.format.film().is_some() || preview.is_stdout() {
+            return Err(Failure::usage(format!("--preview={}: it takes a picture's file", own.display()))
+                .help("such as --preview=live.png"));
+        }
+        preview.check([own.to_owned()])?;
+        return Ok(preview);
+    }
     let why = match output.format.film() {
         Some(_) => format!("{} holds whole frames only", output.format),
         None if output.is_stdout() => "--output - takes one picture".to_owned(),
         None if frames.count() > 1 => "it is for one frame, but there are several".to_owned(),
-        None => return Ok(()),
+        None => return Ok(output.clone()),
     };
     Err(Failure::usage(format!("--preview: {why}")).help("render one picture into a file, such as --output shot.png"))
 }

@@ -1,0 +1,352 @@
+//! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files that
+//! are gone on with.
+
+use crate::digest::Digest;
+use crate::exit::Exit;
+use crate::failure::{Failure, reason};
+use crate::format::{count, plural};
+use crate::interrupt;
+use crate::preview::PreviewFile;
+use crate::progress::{PassState, ProgressDisplay, Style, emit};
+use crate::source::UsedFile;
+use canaletto::film::{SampleBlocks, SampleStatistics};
+use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
+use canaletto::scene::Sampling;
+use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
+use clap::Args;
+use serde_json::json;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Flags about passes of samples.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct PassFlags {
+    /// Renders a picture by paths for about this time: as many passes of samples as fit, at least one
+    ///
+    /// The time is one of rendering, such as 60s, 5min or 1h30min. Reading, building and writing come on top. --samples
+    /// is then the most that a pixel gets; without it there is no other end. The number of samples depends on the
+    /// machine. A picture of equally many samples has the same bytes on all.
+    #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Sampling")]
+    pub time: Option<Duration>,
+
+    /// Renders a picture by paths until its noise is below this, such as 0.02: pixels get as many samples as they need
+    ///
+    /// The noise is the relative error of a block of 8 x 8 pixels: the root of the mean square error, divided by the
+    /// block's brightness. In blocks darker than a tenth of the picture's middle one that tenth counts. It is estimated
+    /// by the two halves of each pixel's samples. A block stops after 64 samples or more, when it and its eight
+    /// neighbours are good enough. --samples is the most that a pixel gets.
+    #[arg(long, allow_hyphen_values = true, value_name = "ERROR", value_parser = positive, help_heading = "Sampling")]
+    pub noise: Option<f32>,
+
+    /// Makes samples brighter than this darker, and says how much light that takes away [default: none]
+    ///
+    /// It is for single bright pixels (fireflies) in pictures by paths. What is removed is missing: the picture is
+    /// darker than it should be, most where light is found by chance, as in caustics.
+    #[arg(long, allow_hyphen_values = true, value_name = "VALUE", value_parser = positive, help_heading = "Sampling")]
+    pub clamp: Option<f32>,
+
+    /// Goes on with the samples of a picture by paths, an EXR of 32 bits, up to the number of --samples
+    ///
+    /// The bytes are those of a picture that is made at once. The file may be finished, or the part of an interrupted
+    /// render. The scene, the seed, the size and all else that the samples depend on must be the same.
+    #[arg(long = "continue", value_name = "FILE", conflicts_with = "frames", help_heading = "Sampling")]
+    pub continue_from: Option<PathBuf>,
+
+    /// Sets the number of each pixel's first sample [default: 0]
+    ///
+    /// Pictures of samples 0 to 31 and 32 to 63 have the picture of 64 samples as their mean.
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, hide_short_help = true,
+        value_parser = clap::value_parser!(u32).range(0..i64::from(Sampling::MAX_SAMPLES)), help_heading = "Sampling")]
+    pub first_sample: u32,
+}
+
+/// The parser of a length of time.
+fn time(text: &str) -> Result<Duration, String> {
+    let expected = || "write a time such as 60s, 5min or 1h30min".to_owned();
+    let (mut rest, mut seconds) = (text.trim(), 0.0);
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        let number: f64 = rest[..digits].parse().map_err(|_| expected())?;
+        let unit_end = rest[digits..].find(|c: char| c.is_ascii_digit()).map_or(rest.len(), |end| digits + end);
+        seconds += number
+            * match rest[digits..unit_end].trim() {
+                "ms" => 1e-3,
+                "" | "s" => 1.0,
+                "m" | "min" => 60.0,
+                "h" => 3600.0,
+                _ => return Err(expected()),
+            };
+        rest = &rest[unit_end..];
+    }
+    match Duration::try_from_secs_f64(seconds) {
+        Ok(time) if !time.is_zero() => Ok(time),
+        _ => Err(expected()),
+    }
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("write a number above 0".into()),
+    }
+}
+
+impl PassFlags {
+    /// The first of the flags that is given.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let given = [
+            (self.time.is_some(), "--time"),
+            (self.noise.is_some(), "--noise"),
+            (self.clamp.is_some(), "--clamp"),
+            (self.continue_from.is_some(), "--continue"),
+            (self.first_sample > 0, "--first-sample"),
+        ];
+        given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
+    }
+
+    /// The job with these flags. `samples` is the value of --samples.
+    pub(crate) fn apply(&self, mut job: Job, samples: Option<u32>) -> Result<Job, Failure> {
+        let Some(flag) = self.given() else { return Ok(job) };
+        let ends_by_itself = self.time.is_some() || self.noise.is_some();
+        if ends_by_itself && samples.is_none() && matches!(job.film.sampling, Sampling::Sampled(_) | Sampling::Center) {
+            job.film.sampling = Sampling::Sampled(Sampling::MAX_SAMPLES - self.first_sample);
+        }
+        if let Err(why) = job.passes() {
+            return Err(Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}"))
+                .help("render it with --integrator path"));
+        }
+        (job.noise, job.clamp, job.first_sample) = (self.noise, self.clamp, self.first_sample);
+        job.check().map_err(|error| Failure::usage(format!("{flag}: {error}")))?;
+        Ok(job)
+    }
+
+    /// The texts of files that tell of these flags.
+    pub(crate) fn texts(&self) -> Vec<(String, String)> {
+        let time = self.time.map(|time| format!("{} s", time.as_secs_f64()));
+        let texts = [
+            ("time", time),
+            ("noise", self.noise.map(|noise| noise.to_string())),
+            ("clamp", self.clamp.map(|clamp| clamp.to_string())),
+            ("first-sample", (self.first_sample > 0).then(|| self.first_sample.to_string())),
+        ];
+        texts.into_iter().filter_map(|(key, text)| Some((key.to_owned(), text?))).collect()
+    }
+}
+
+/// The key of the text by which a changed scene is noticed.
+const SCENE_DIGEST: &str = "scene-digest";
+
+/// The texts that say whether samples belong together: another value of one means other samples.
+const TELLING: [&str; 16] = [
+    "Software", "size", "crop", "camera", "frame", "seed", "first-sample", "integrator", "max-depth", "roulette",
+    "sampler", "filter", "clamp", "set", "scene", SCENE_DIGEST,
+];
+
+/// The digest of a scene's files and of the values set in it.
+pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> (String, String) {
+    (SCENE_DIGEST.into(), Digest::EMPTY.with_files(files).with(&set).to_string())
+}
+
+/// The samples of the file of --continue, whose texts must be those of this render.
+pub(crate) fn samples_of_file(file: &Path, job: &Job, texts: &[(String, String)]) -> Result<SampleBlocks, Failure> {
+    let name = file.display();
+    let failed = |message: String| Failure::new(Exit::Scene, format!("--continue {name}: {message}"));
+    let bytes = fs::read(file).map_err(|error| failed(reason(&error)))?;
+    let decoded = decode(&bytes).map_err(|error| failed(error.to_string()))?;
+    let of = |texts: &[(String, String)], key: &str| {
+        texts.iter().find(|(own, _)| own == key).map_or_else(|| "none".to_owned(), |(_, text)| text.clone())
+    };
+    let mut own = texts.to_vec();
+    own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
+    if decoded.metadata.iter().all(|(key, _)| key != SCENE_DIGEST) {
+        return Err(failed("it isn't an EXR of a picture by paths that this program wrote".into()));
+    }
+    for key in TELLING {
+        let (theirs, own) = (of(&decoded.metadata, key), of(&own, key));
+        if theirs != own {
+            return Err(match key {
+                SCENE_DIGEST => failed("the scene, or a file that it names, has changed since it was rendered".into()),
+                "Software" => failed(format!("it was made by {theirs}, and this is {own}")),
+                _ => failed(format!("its {key} is {theirs}, not {own}")),
+            }
+            .help("its samples belong to another picture; render this one from its first sample on"));
+        }
+    }
+    if of(&decoded.metadata, "sampling").contains("centre") {
+        return Err(failed("its single sample goes through the pixel's centre, where several don't".into()));
+    }
+    let samples = read_samples(&decoded, job.first_sample).map_err(|error| failed(error.to_string()))?;
+    let least = samples.counts().iter().copied().min().unwrap_or(0);
+    let wanted = job.film.sampling.count();
+    if least >= wanted {
+        return Err(failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
+            .help(format!("give more, such as --samples {}", 2 * u64::from(least))));
+    }
+    Ok(samples)
+}
+
+/// Adds to a picture, and to the texts of its file, what another render needs to go on with it.
+pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, String)>) {
+    let (Some(samples), Some(statistics)) = (&rendering.samples, &rendering.statistics) else { return };
+    let (fewest, most) = (statistics.fewest, statistics.most);
+    let text = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
+    texts.push((SAMPLES_TEXT.into(), text));
+    let has = |name: &str| rendering.picture.layers.iter().any(|layer| layer.name == name);
+    let new: Vec<_> = samples.layers().into_iter().filter(|layer| !has(layer.name)).collect();
+    rendering.picture.layers.extend(new);
+}
+
+/// Warnings about the samples of a picture.
+pub(crate) fn sample_warnings(statistics: &SampleStatistics, job: &Job, is_complete: bool) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if statistics.non_finite > 0 {
+        let places = statistics.non_finite_samples.iter().take(3);
+        let places: Vec<String> =
+            places.map(|place| format!("sample {} of pixel {},{}", place.sample, place.x, place.y)).collect();
+        let others = if statistics.non_finite > 3 { ", ..." } else { "" };
+        warnings.push(format!(
+            "{} infinite or not a number and counted as black: {}{others}",
+            match statistics.non_finite {
+                1 => "1 sample was".to_owned(),
+                n => format!("{} samples were", count(n)),
+            },
+            places.join(", ")
+        ));
+    }
+    if let Some(clamp) = job.clamp.filter(|_| statistics.clamped > 0) {
+        warnings.push(format!(
+            "--clamp {clamp} removed {:.2}% of the picture's light, from {}",
+            statistics.removed_share() * 100.0,
+            plural(statistics.clamped, "sample")
+        ));
+    }
+    if let (Some(asked), Some(noise)) = (job.noise, statistics.noise)
+        && is_complete
+        && noise > asked
+    {
+        let noise = if noise.is_finite() { format!("{noise:.3}") } else { "unknown".to_owned() };
+        warnings.push(format!(
+            "the noise of the worst block is {noise}, not {asked}: its pixels have {} samples",
+            count(statistics.most.into())
+        ));
+    }
+    warnings
+}
+
+/// The observer of a render that may be made in passes.
+pub(crate) struct PassObserver<'a> {
+    display: &'a ProgressDisplay,
+    style: Style,
+    frame: u32,
+    limit: Option<Duration>,
+    noise: Option<f32>,
+    preview: Option<PreviewFile<'a>>,
+    state: Mutex<PassTimes>,
+    failure: Mutex<Option<Failure>>,
+}
+
+/// The times of passes.
+struct PassTimes {
+    start: Instant,
+    /// The end of the last pass, and the number of samples then.
+    last: Instant,
+    samples: u32,
+    /// The time of the last preview.
+    shown: Option<Instant>,
+}
+
+/// The shortest time between two previews.
+const PREVIEW_PAUSE: Duration = Duration::from_millis(500);
+
+impl<'a> PassObserver<'a> {
+    pub(crate) fn new(
+        display: &'a ProgressDisplay,
+        style: Style,
+        frame: u32,
+        flags: &PassFlags,
+        preview: Option<PreviewFile<'a>>,
+    ) -> PassObserver<'a> {
+        let now = Instant::now();
+        let state = Mutex::new(PassTimes { start: now, last: now, samples: 0, shown: None });
+        let (limit, noise, failure) = (flags.time, flags.noise, Mutex::new(None));
+        PassObserver { display, style, frame, limit, noise, preview, state, failure }
+    }
+
+    /// The failure of writing a preview, if there was one.
+    pub(crate) fn failure(self) -> Option<Failure> {
+        self.failure.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Observer for PassObserver<'_> {
+    fn cancelled(&self) -> bool {
+        self.display.cancelled()
+    }
+
+    fn progress(&self, progress: &Progress) {
+        self.display.progress(progress);
+    }
+
+    fn solving(&self, progress: &SolvingProgress) {
+        self.display.solving(progress);
+    }
+
+    fn pass_ended(&self, pass: &PassProgress<'_>) -> ControlFlow<()> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let (now, elapsed) = (Instant::now(), state.start.elapsed());
+        if self.style == Style::Json {
+            emit(&json!({
+                "event": "pass", "frame": self.frame, "samples": pass.samples, "next": pass.next,
+                "pixels_left": pass.pixels_left, "noise": pass.noise.filter(|noise| noise.is_finite()),
+                "seconds": elapsed.as_secs_f64(),
+            }));
+        }
+        let asked = self.noise.zip(pass.noise);
+        self.display.passed(PassState { samples: pass.samples, noise: asked, limit: self.limit });
+        if let Some(preview) = &self.preview
+            && pass.next.is_some()
+            && state.shown.is_none_or(|shown| shown.elapsed() > PREVIEW_PAUSE)
+        {
+            if let Err(failure) = preview.write(pass.picture, pass.samples) {
+                *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(failure);
+                return ControlFlow::Break(());
+            }
+            state.shown = Some(Instant::now());
+        }
+        // The next pass takes as long for each sample as the last one did.
+        let (seconds, made) = ((now - state.last).as_secs_f64(), f64::from(pass.samples - state.samples).max(1.0));
+        (state.last, state.samples) = (Instant::now(), pass.samples);
+        let (Some(limit), Some(next)) = (self.limit, pass.next) else { return ControlFlow::Continue(()) };
+        let needed = seconds / made * f64::from(next - pass.samples);
+        let fits = state.start.elapsed().as_secs_f64() + needed <= limit.as_secs_f64();
+        if fits && !interrupt::stops() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_units() {
+        for (text, seconds) in
+            [("60s", 60.0), ("90", 90.0), ("5min", 300.0), ("5m", 300.0), ("1h30min", 5400.0), ("1.5h", 5400.0), ("250ms", 0.25)]
+        {
+            assert_eq!(time(text), Ok(Duration::from_secs_f64(seconds)), "{text}");
+        }
+        for text in ["", "0s", "soon", "5 years", "-3s", "1e9999h", "s"] {
+            assert!(time(text).unwrap_err().contains("60s"), "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_above_zero() {
+        assert_eq!(positive("0.02"), Ok(0.02));
+        for text in ["0", "-1", "nan", "inf", "x"] {
+            assert!(positive(text).is_err(), "{text}");
+        }
+    }
+}
