@@ -11,7 +11,7 @@ use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
-use canaletto::scene::Sampling;
+use canaletto::scene::{SamplerKind, Sampling};
 use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
 use serde_json::json;
@@ -117,6 +117,10 @@ impl PassFlags {
         if let Err(why) = job.passes() {
             return Err(Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}"))
                 .help("render it with --integrator path"));
+        }
+        if self.time.is_some() && job.film.sampler == SamplerKind::BlueNoise {
+            return Err(Failure::usage("--time: the blue-noise sampler needs to know the number of samples first")
+                .help("leave --sampler out, or give --samples instead"));
         }
         (job.noise, job.clamp, job.first_sample) = (self.noise, self.clamp, self.first_sample);
         job.check().map_err(|error| Failure::usage(format!("{flag}: {error}")))?;

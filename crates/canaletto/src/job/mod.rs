@@ -122,6 +122,9 @@ pub enum JobError {
     NoThreads(#[from] NoThreads),
 }
 
+/// Why samples of the blue-noise sampler don't go on.
+pub(crate) const BLUE_NOISE: &str = "the blue-noise sampler needs to know the number of samples first";
+
 impl Job {
     /// A job with the default tile size, seed 0 and no extra layers.
     pub fn new(camera: Camera, film: FilmSettings, integrator: impl Into<Integrator>) -> Job {
@@ -191,7 +194,12 @@ impl Job {
             let problem = format!("is {}, so that samples pass number {}", self.first_sample, Sampling::MAX_SAMPLES);
             return Err(OutOfRange::new("first-sample", problem).into());
         }
-        let Err(why) = self.passes() else { return Ok(()) };
+        let made_of_one_number = self.film.sampler == SamplerKind::BlueNoise;
+        let why = match self.passes() {
+            Ok(()) if made_of_one_number && (self.noise.is_some() || self.first_sample > 0) => BLUE_NOISE,
+            Ok(()) => return Ok(()),
+            Err(why) => why,
+        };
         let what = match (self.aovs.iter().find(|aov| aov.is_of_samples()), self.noise, self.clamp) {
             (Some(aov), ..) => aov.name(),
             (_, Some(_), _) => "noise",

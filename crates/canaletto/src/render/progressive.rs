@@ -9,8 +9,9 @@ use super::{PixelRenderer, Rendering, StopOnDrop, in_squares};
 use crate::Named;
 use crate::film::{Accumulation, BlockMean, SampleBlocks, SampleStatistics, TileBuffer, block_sizes};
 use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, RayIntegrator};
-use crate::job::{Aov, Job, JobError, Observer, PassProgress, Progress};
+use crate::job::{Aov, BLUE_NOISE, Job, JobError, Observer, PassProgress, Progress};
 use crate::math::Rgb;
+use crate::scene::SamplerKind;
 use crate::world::World;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -60,7 +61,8 @@ struct Shared {
 /// Checks that samples can be gone on with in a job.
 pub(super) fn check_start(job: &Job, start: &SampleBlocks) -> Result<(), JobError> {
     let wrong = |problem: String| Err(JobError::Start(problem));
-    job.passes().map_err(|why| JobError::NotInPasses { what: "going on with samples", why })?;
+    let passes = if job.film.sampler == SamplerKind::BlueNoise { Err(BLUE_NOISE) } else { job.passes() };
+    passes.map_err(|why| JobError::NotInPasses { what: "going on with samples", why })?;
     let ([_, _, width, height], [own_width, own_height]) = (job.window(), start.size());
     if [width, height] != start.size() {
         return wrong(format!("they are of {own_width} x {own_height} pixels, not of {width} x {height}"));

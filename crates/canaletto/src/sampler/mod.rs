@@ -5,6 +5,7 @@
 //! It returns one or two numbers for any [`Dimension`]. The pixel's [`SamplerKind`] distributes these numbers over all
 //! samples of the pixel.
 
+mod blue_noise;
 mod grid;
 mod hash;
 mod sobol;
@@ -74,7 +75,12 @@ impl FrameSampler {
     #[inline]
     pub fn pixel(&self, [x, y]: [u32; 2]) -> Sampler {
         let position = u64::from(x) << 32 | u64::from(y);
-        Sampler { key: mix(self.key ^ position), kind: self.kind }
+        let key = match self.kind {
+            // Pixels differ by their place on a curve alone.
+            SamplerKind::BlueNoise => self.key & !0xffff_ffff | u64::from(blue_noise::morton([x, y])),
+            _ => mix(self.key ^ position),
+        };
+        Sampler { key, kind: self.kind }
     }
 }
 
@@ -115,6 +121,7 @@ impl Sample {
         let key = sampler.key_of(dimension);
         match sampler.kind {
             SamplerKind::Sobol => sobol::one(index, key),
+            SamplerKind::BlueNoise => blue_noise::points::<1>(sampler.key as u32, index, count, key)[0],
             SamplerKind::Jittered => grid::one(index, count, key),
             SamplerKind::Independent => unit(mix(key ^ u64::from(index))),
         }
@@ -159,13 +166,15 @@ impl Sample {
 impl Sampler {
     fn key_of(&self, dimension: Dimension) -> u64 {
         // The constant differs from those of `uniform`, whose numbers may be used beside these.
-        mix(self.key ^ dimension.0.rotate_left(17) ^ 0x5bf0_3635_dca5_4a8d)
+        let own = if self.kind == SamplerKind::BlueNoise { self.key >> 32 } else { self.key };
+        mix(own ^ dimension.0.rotate_left(17) ^ 0x5bf0_3635_dca5_4a8d)
     }
 
     fn two(&self, dimension: Dimension, index: u32, count: u32) -> [f64; 2] {
         let key = self.key_of(dimension);
         match self.kind {
             SamplerKind::Sobol => sobol::points(index, key),
+            SamplerKind::BlueNoise => blue_noise::points(self.key as u32, index, count, key),
             SamplerKind::Jittered => grid::two(index, count, key),
             SamplerKind::Independent => {
                 let bits = mix(key ^ u64::from(index));

@@ -22,6 +22,17 @@ pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
     })
 }
 
+/// Point `index` of the sequence itself, of up to 64 digits, scrambled by `key` in the first N ≤ 2 dimensions.
+pub(super) fn scrambled_point<const N: usize>(index: u64, key: u64) -> [f64; N] {
+    let mut seed = key;
+    std::array::from_fn(|dimension| {
+        seed = mix(seed);
+        // In the second dimension digits of the index beyond the 32nd change the first digits of the point, too.
+        let long = if dimension == 0 { 0 } else { digits((index >> 32) as u32, dimension) };
+        fraction(scramble(digits(index as u32, dimension) ^ long, seed))
+    })
+}
+
 /// Point `index` of the sequence's first four dimensions, each scrambled by `key`. The four are distributed jointly,
 /// which integrals over exactly four dimensions need.
 pub(super) fn joint(index: u32, key: u64) -> [f64; 4] {

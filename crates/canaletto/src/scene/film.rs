@@ -117,12 +117,15 @@ impl Sampling {
 
 /// The distribution of random numbers over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SamplerKind {
     /// Sobol's sequence with Owen's scrambling. It has the least noise, and is best with powers of two.
     #[default]
     Sobol,
+    /// Sobol's sequence over all pixels in an order that makes their errors unlike those of their neighbours. The error
+    /// is as large as with `Sobol`, but less visible. It is for few samples, such as 1 to 16.
+    BlueNoise,
     /// The chapter's jittered grid (fig. 5.36). It is best with square numbers of samples.
     Jittered,
     /// Independent numbers. They have the most noise, and serve for comparison.
@@ -131,6 +134,7 @@ pub enum SamplerKind {
 
 named!(SamplerKind {
     Sobol => "sobol": "Sobol's sequence with Owen's scrambling: the least noise, best with powers of two",
+    BlueNoise => "blue-noise": "Sobol's sequence over neighbouring pixels: as much noise, less visible; for few samples",
     Jittered => "jittered": "A jittered grid, best with squares",
     Independent => "independent": "Independent random numbers: the most noise",
 });
