@@ -16,6 +16,7 @@ mod figures;
 mod footprints;
 mod grade;
 mod limits;
+mod noise;
 mod passes;
 mod path;
 mod radiosity_explained;

@@ -1,5 +1,5 @@
-//! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files that
-//! are gone on with.
+//! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
+//! that are gone on with.
 
 use crate::digest::Digest;
 use crate::exit::Exit;
@@ -145,8 +145,22 @@ const SCENE_DIGEST: &str = "scene-digest";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
 const TELLING: [&str; 16] = [
-    "Software", "size", "crop", "camera", "frame", "seed", "first-sample", "integrator", "max-depth", "roulette",
-    "sampler", "filter", "clamp", "set", "scene", SCENE_DIGEST,
+    "Software",
+    "size",
+    "crop",
+    "camera",
+    "frame",
+    "seed",
+    "first-sample",
+    "integrator",
+    "max-depth",
+    "roulette",
+    "sampler",
+    "filter",
+    "clamp",
+    "set",
+    "scene",
+    SCENE_DIGEST,
 ];
 
 /// The digest of a scene's files and of the values set in it.
@@ -336,9 +350,15 @@ mod tests {
 
     #[test]
     fn times_have_units() {
-        for (text, seconds) in
-            [("60s", 60.0), ("90", 90.0), ("5min", 300.0), ("5m", 300.0), ("1h30min", 5400.0), ("1.5h", 5400.0), ("250ms", 0.25)]
-        {
+        for (text, seconds) in [
+            ("60s", 60.0),
+            ("90", 90.0),
+            ("5min", 300.0),
+            ("5m", 300.0),
+            ("1h30min", 5400.0),
+            ("1.5h", 5400.0),
+            ("250ms", 0.25),
+        ] {
             assert_eq!(time(text), Ok(Duration::from_secs_f64(seconds)), "{text}");
         }
         for text in ["", "0s", "soon", "5 years", "-3s", "1e9999h", "s"] {

@@ -62,11 +62,8 @@ impl PreviewFile<'_> {
         let Some(format) = self.output.format.picture() else { return Ok(()) };
         let mut texts = texts(self.texts, self.job, None);
         texts.push((UNFINISHED.into(), unfinished));
-        let settings = EncodeSettings {
-            compression: Compression::Fast,
-            window: Some(self.window),
-            ..self.output.settings
-        };
+        let settings =
+            EncodeSettings { compression: Compression::Fast, window: Some(self.window), ..self.output.settings };
         let rendered = Rendered { picture, film: &self.job.film };
         let bytes = format.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))?;
         self.output.write(&self.output.path(self.job.frame), &bytes)

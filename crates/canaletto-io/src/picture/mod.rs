@@ -25,8 +25,8 @@ pub use compare::{Comparison, Difference, Unequal, compare, difference, differin
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use format::{Capabilities, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode};
 pub use label::{CHARACTER_WIDTH, Canvas, LINE_HEIGHT, text_width};
-pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
 pub use rest::{ChannelDifference, RestDifference};
+pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
 pub use ssim::ssim;
 pub use temporary::sweep;
 pub use transfer::{decode_srgb, encode_srgb};

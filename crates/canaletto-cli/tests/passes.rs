@@ -1,0 +1,207 @@
+//! Pictures by paths that grow by passes: --time, --noise, --clamp, --continue, --preview=FILE and Ctrl-C.
+
+use canaletto_io::picture::{Decoded, decode};
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENE: &str = r#"
+camera { eye 0 1.5 5.5; center 0 1.2 0; fovy 40; size 24 16 }
+integrator "path"
+material "white" { kd 0.7 }
+material "lamp" { kd 0; emission 9 7 5 }
+box material="white" { min -2 -0.1 -2; max 2 0 2 }
+sphere material="white" { center 0 0.7 0; radius 0.7 }
+sphere material="lamp" { center 1.2 2.5 0.5; radius 0.4 }
+background 0.1
+"#;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        let folder = Folder(tempfile::tempdir().unwrap());
+        fs::write(folder.path("s.kdl"), SCENE).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
+        command.args(arguments.split_whitespace()).current_dir(self.0.path());
+        command
+    }
+
+    /// Runs a command and expects an exit code and words on stdout or stderr.
+    #[track_caller]
+    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
+        let output = self.command(arguments).output().unwrap();
+        let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
+        said
+    }
+
+    fn picture(&self, name: &str) -> Decoded {
+        decode(&fs::read(self.path(name)).unwrap()).unwrap()
+    }
+
+    fn text(&self, name: &str, key: &str) -> Option<String> {
+        self.picture(name).metadata.into_iter().find(|(own, _)| own == key).map(|(_, text)| text)
+    }
+
+    #[track_caller]
+    fn same(&self, a: &str, b: &str) {
+        assert!(self.picture(a).image == self.picture(b).image, "{a} and {b} differ");
+    }
+}
+
+#[test]
+fn two_runs_of_32_samples_are_one_of_64() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q --samples 64 -o whole.exr", 0, &[]);
+    folder.says("render s.kdl -q --samples 32 -o half.exr", 0, &[]);
+    folder.says("render s.kdl -q --samples 64 --continue half.exr -o on.exr --threads 3", 0, &[]);
+    assert!(fs::read(folder.path("on.exr")).unwrap() == fs::read(folder.path("whole.exr")).unwrap());
+    // Over itself, by a number of samples that makes several blocks, and with the halves.
+    folder.says("render s.kdl -q --samples 40 --continue half.exr -o half.exr", 0, &[]);
+    assert!(folder.picture("half.exr").image.channel("block_2.R").is_some());
+    folder.says("render s.kdl -q --samples 64 --continue half.exr -o half.exr --aov half-a,half-b,samples", 0, &[]);
+    folder.says("render s.kdl -q --samples 64 -o halves.exr --aov half-a,half-b,samples", 0, &[]);
+    folder.same("half.exr", "halves.exr");
+    // A picture apart, whose mean with the first one is the whole one.
+    folder.says("render s.kdl -q --samples 32 --first-sample 32 -o second.exr", 0, &[]);
+    folder.says("render s.kdl -q --samples 32 -o first.exr", 0, &[]);
+    let of = |name: &str| folder.picture(name).image.channel("G").unwrap().to_vec();
+    let mean: Vec<f32> = of("first.exr").iter().zip(of("second.exr")).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
+    assert_eq!(mean, of("whole.exr"));
+    assert_eq!(folder.text("whole.exr", "samples").unwrap(), "64");
+}
+
+#[test]
+fn samples_of_another_picture_are_refused_by_name() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q --samples 16 -o a.exr", 0, &[]);
+    let refused = |flags: &str, code: i32, words: &[&str]| {
+        folder.says(&format!("render s.kdl -q --samples 32 {flags} -o b.exr"), code, words);
+        assert!(!folder.path("b.exr").exists());
+    };
+    refused("--continue a.exr --seed 1", 3, &["its seed is 0, not 1"]);
+    refused("--continue a.exr --size 20x20", 3, &["its size is 24 16, not 20 20"]);
+    refused("--continue a.exr --set background=0.2", 3, &["its set is none, not"]);
+    refused("--continue a.exr --max-depth 3", 3, &["its max-depth is 0, not 3"]);
+    refused("--continue a.exr --clamp 2", 3, &["its clamp is none, not 2"]);
+    refused("--continue none.exr", 3, &["none.exr"]);
+    refused("--continue a.exr --integrator whitted", 2, &["--continue", "only the path integrator"]);
+    refused("--continue a.exr --sampler jittered", 2, &["--continue", "jittered"]);
+    refused("--continue s.kdl", 3, &["--continue s.kdl"]);
+    folder.says("render s.kdl -q --samples 16 --continue a.exr -o b.exr", 3, &["has 16 samples", "--samples 32"]);
+    folder.says("render s.kdl -q --samples 16 -o c.png", 0, &[]);
+    refused("--continue c.png", 3, &["isn't an EXR"]);
+    folder.says("render s.kdl -q --samples 16 --bits 16 -o d.exr", 0, &[]);
+    refused("--continue d.exr", 3, &["rounded"]);
+    folder.says("render s.kdl -q --samples 1 -o e.exr", 0, &[]);
+    refused("--continue e.exr", 3, &["centre"]);
+    fs::write(folder.path("s.kdl"), SCENE.replace("0.7 0; radius 0.7", "0.6 0; radius 0.6")).unwrap();
+    refused("--continue a.exr", 3, &["the scene, or a file that it names, has changed"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_picture_goes_on() {
+    let folder = Folder::new();
+    let run = "render s.kdl --size 96x64 --samples 4096 --progress json";
+    let mut child = folder.command(&format!("{run} -o a.exr")).stderr(Stdio::piped()).spawn().unwrap();
+    let lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+    let mut last = String::new();
+    for line in lines.map_while(Result::ok) {
+        if line.contains("\"samples\":16,") && line.contains("\"event\":\"pass\"") {
+            let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+            assert!(kill.success());
+        }
+        last = line;
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let done: serde_json::Value = serde_json::from_str(&last).unwrap();
+    assert_eq!((&done["complete"], &done["files"][0]), (&false.into(), &"a.partial.exr".into()));
+    assert!(done["samples"]["fewest"].as_u64().unwrap() >= 16);
+    assert!(folder.text("a.partial.exr", "unfinished").is_some());
+    // 256 samples are more than the part has, on any machine.
+    let most = done["samples"]["most"].as_u64().unwrap();
+    let wanted = (most + 1).next_power_of_two();
+    folder.says(&format!("render s.kdl --size 96x64 --samples {wanted} -q --continue a.partial.exr -o a.exr"), 0, &[]);
+    folder.says(&format!("render s.kdl --size 96x64 --samples {wanted} -q -o whole.exr"), 0, &[]);
+    folder.same("a.exr", "whole.exr");
+    assert!(!folder.path("a.partial.exr").exists(), "the whole picture makes the part obsolete");
+}
+
+#[test]
+fn a_time_has_as_many_passes_as_fit() {
+    let folder = Folder::new();
+    let start = Instant::now();
+    let said = folder.says("render s.kdl --time 1s --progress json -o a.exr", 0, &[]);
+    let events: Vec<serde_json::Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let done = events.last().unwrap();
+    let passes: Vec<u64> = events
+        .iter()
+        .filter(|event| event["event"] == "pass")
+        .map(|event| event["samples"].as_u64().unwrap())
+        .collect();
+    assert!(start.elapsed() < Duration::from_secs(20) && passes[..5] == [1, 2, 4, 8, 16], "{passes:?}");
+    let samples = done["samples"]["fewest"].as_u64().unwrap();
+    assert!(done["complete"] == true && samples == *passes.last().unwrap() && samples < 65_536);
+    // The number of samples is all that depends on the time.
+    folder.says(&format!("render s.kdl -q --samples {samples} -o b.exr"), 0, &[]);
+    folder.same("a.exr", "b.exr");
+    folder.says("render s.kdl --time 1h --samples 16 -o c.exr", 0, &["16 samples per pixel"]);
+    folder.says("render s.kdl --time 0s", 2, &["60s"]);
+    folder.says("render s.kdl --time 5s --integrator whitted", 2, &["--time", "only the path integrator"]);
+}
+
+#[test]
+fn noise_is_as_low_as_asked_or_a_warning_says_so() {
+    let folder = Folder::new();
+    let said = folder.says("render s.kdl --noise 0.1 -o a.exr --threads 1", 0, &[" samples", "noise 0.0"]);
+    assert!(!said.contains("warning"), "{said}");
+    folder.says("render s.kdl --noise 0.1 -q -o b.exr --threads 3 --tile 7", 0, &[]);
+    folder.same("a.exr", "b.exr");
+    folder.says("render s.kdl --noise 0.001 --samples 64 -o c.png", 0, &["warning", "not 0.001", "64 samples"]);
+    folder.says("render s.kdl --noise 0", 2, &["above 0"]);
+}
+
+#[test]
+fn a_clamp_says_what_it_takes() {
+    let folder = Folder::new();
+    folder.says("render s.kdl --clamp 1 --samples 16 -o a.exr", 0, &["--clamp 1 removed", "% of the picture's light"]);
+    let most = folder.picture("a.exr").image.channel("R").unwrap().iter().fold(0.0f32, |most, v| most.max(*v));
+    assert!(most <= 1.0);
+    folder.says("render s.kdl --clamp 100 --samples 16 -o b.exr", 0, &[]);
+    folder.says("render s.kdl -q --samples 16 -o c.exr", 0, &[]);
+    folder.same("b.exr", "c.exr");
+}
+
+#[test]
+fn a_live_preview_is_a_whole_picture_after_each_pass() {
+    let folder = Folder::new();
+    let run = "render s.kdl --samples 65536 --size 400x300 --preview=live.png -q -o a.exr";
+    let mut child = folder.command(run).spawn().unwrap();
+    let start = Instant::now();
+    let wanted = |text: &str| text.starts_with("a preview with ") && text.ends_with(" samples");
+    loop {
+        assert!(start.elapsed() < Duration::from_secs(120) && child.try_wait().unwrap().is_none());
+        let picture = fs::read(folder.path("live.png")).ok().map(|bytes| decode(&bytes).unwrap());
+        let texts = picture.map(|picture| picture.metadata).unwrap_or_default();
+        if texts.iter().any(|(key, text)| key == "unfinished" && wanted(text)) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(!folder.path("a.exr").exists());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    folder.says("render s.kdl --preview=live.gif", 2, &["--preview=live.gif"]);
+}
