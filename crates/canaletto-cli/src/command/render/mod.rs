@@ -90,9 +90,9 @@ pub(crate) struct RenderFlags {
     /// Writes coarse pictures first: the file is there soon and becomes finer
     ///
     /// The first picture has a ray for each block of 16 x 16 pixels, the next ones for 4 x 4 and for each pixel. With
-    /// radiosity they come after the solution. A picture by paths is then written after each pass of samples, too. Layers
-    /// come with the whole picture. --preview=FILE writes these pictures into another file, such as live.png. The file is
-    /// always a whole picture: an image viewer that reloads changed files shows the render live.
+    /// radiosity they come after the solution. A picture by paths is then written after each pass of samples, too.
+    /// Layers come with the whole picture. --preview=FILE writes these pictures into another file, such as live.png.
+    /// The file is always a whole picture: an image viewer that reloads changed files shows the render live.
     #[arg(long, conflicts_with = "no_clobber", num_args = 0..=1, require_equals = true, value_name = "FILE",
         help_heading = "Output")]
     pub preview: Option<Option<PathBuf>>,
