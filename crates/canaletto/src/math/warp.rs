@@ -23,6 +23,13 @@ pub fn cosine_hemisphere(u: [f64; 2]) -> DVec3 {
     p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
 }
 
+/// A direction of the whole sphere. Equal heights of a sphere have equal areas (Archimedes).
+pub fn sphere([u, v]: [f64; 2]) -> DVec3 {
+    let (sin, cos) = libm::sincos(TAU * v);
+    let across = (4.0 * u * (1.0 - u)).sqrt();
+    DVec3::new(across * cos, across * sin, 1.0 - 2.0 * u)
+}
+
 /// A point of the regular polygon with `corners` corners, at least 3, on the unit circle. The first corner is at angle
 /// 0.
 pub fn polygon([u, v]: [f64; 2], corners: u32) -> DVec2 {

@@ -16,9 +16,12 @@ mod plane;
 #[cfg(test)]
 mod properties;
 mod sample;
+mod sample_from;
 mod solid;
 mod solve;
 mod sphere;
+mod spherical_rectangle;
+mod spherical_triangle;
 mod surface;
 mod surface_differential;
 #[cfg(test)]

@@ -21,12 +21,12 @@ pub struct SurfaceSample {
 /// The runtime form of a surface of which random points are sampled.
 #[derive(Clone, Debug)]
 pub struct SurfaceSampler {
-    form: Form,
+    pub(super) form: Form,
     area: f64,
 }
 
 #[derive(Clone, Debug)]
-enum Form {
+pub(super) enum Form {
     /// The centre, two perpendicular radii and the unit normal.
     Disk(DVec3, [DVec3; 2], DVec3),
     /// A corner, the two edges from there and the unit normal.
@@ -43,7 +43,7 @@ enum Form {
 
 /// A cylinder or cone.
 #[derive(Clone, Debug)]
-struct FrustumForm {
+pub(super) struct FrustumForm {
     ends: [DVec3; 2],
     /// The unit axis from the base to the top, and two perpendicular unit vectors across.
     axis: DVec3,
@@ -56,7 +56,7 @@ struct FrustumForm {
 }
 
 #[derive(Clone, Debug)]
-struct TorusForm {
+pub(super) struct TorusForm {
     center: DVec3,
     /// The unit axis, and two perpendicular unit vectors across.
     axis: DVec3,
@@ -111,14 +111,9 @@ impl Parallelogram {
 }
 
 /// The cross product of two edges. It is along the normal, and its length is twice the area.
-fn edges(triangle: &[Vec3; 3]) -> DVec3 {
+pub(super) fn edges(triangle: &[Vec3; 3]) -> DVec3 {
     let [a, b, c] = triangle.map(|p| p.as_dvec3());
     (b - a).cross(c - a)
-}
-
-/// Whether a point lies outside a sphere, and not on it but for rounding. The sphere's own points see no cone.
-fn is_outside(p: DVec3, center: DVec3, radius: f64) -> bool {
-    p.distance(center) > radius * (1.0 + 1e-5)
 }
 
 /// The cumulative sums of areas, or of other weights.
@@ -143,7 +138,7 @@ pub(crate) fn sample_triangle(corners: [Vec3; 3], u: [f64; 2]) -> Surface {
     solve::surface(on_triangle(&corners, u), triangle::size(corners), edges(&corners).normalize_or_zero(), [0.0; 2])
 }
 
-fn on_triangle(corners: &[Vec3; 3], [u, v]: [f64; 2]) -> DVec3 {
+pub(super) fn on_triangle(corners: &[Vec3; 3], [u, v]: [f64; 2]) -> DVec3 {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let root = u.sqrt();
     a + (b - a) * (root * (1.0 - v)) + (c - a) * (root * v)
@@ -221,34 +216,6 @@ impl SurfaceSampler {
         1.0 / self.area
     }
 
-    /// The point at `u` of the unit square, as seen from `p`, with its density per unit of solid angle at `p`. From
-    /// outside a sphere, directions are uniform over the cone in which the sphere is seen. Otherwise points are
-    /// uniform over the area. None where the surface is seen edge-on.
-    pub fn sample_from(&self, p: DVec3, u: [f64; 2]) -> Option<SurfaceSample> {
-        let (point, normal) = match self.cone_point(p, u) {
-            Some((point, center, _)) => (point, (point - center).normalize()),
-            None => self.point(u),
-        };
-        let pdf = self.pdf_from(p, point, normal);
-        (pdf > 0.0 && pdf.is_finite()).then_some(SurfaceSample { point, normal, pdf })
-    }
-
-    /// The density per unit of solid angle at `p` with which [`SurfaceSampler::sample_from`] returns this point of the
-    /// surface with this unit normal. It is 0 for points that it never returns: those of a sphere's averted side.
-    pub fn pdf_from(&self, p: DVec3, point: DVec3, normal: DVec3) -> f64 {
-        let to_p = p - point;
-        let distance2 = to_p.length_squared();
-        let cos = normal.dot(to_p) / distance2.sqrt();
-        match self.form {
-            Form::Sphere(center, radius) if is_outside(p, center, radius) => {
-                let versine = versine(p.distance(center), radius);
-                if cos > 0.0 { 1.0 / (TAU * versine) } else { 0.0 }
-            }
-            // dω = dA |cos θ| / d²
-            _ => distance2 / (cos.abs() * self.area),
-        }
-    }
-
     /// The point at `u` of the unit square, and the unit normal there.
     pub(crate) fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         match &self.form {
@@ -258,11 +225,7 @@ impl SurfaceSampler {
             }
             Form::Parallelogram(corner, [along, up], normal) => (*corner + *along * u + *up * v, *normal),
             Form::Sphere(center, radius) => {
-                // Archimedes: equal heights of a sphere have equal areas.
-                let z = 1.0 - 2.0 * u;
-                let (sin, cos) = libm::sincos(TAU * v);
-                let across = (4.0 * u * (1.0 - u)).sqrt();
-                let normal = DVec3::new(across * cos, across * sin, z);
+                let normal = warp::sphere([u, v]);
                 (*center + normal * *radius, normal)
             }
             Form::Triangles(corners, sums) => {
@@ -288,28 +251,6 @@ impl SurfaceSampler {
         let (point, normal) = self.point(u);
         let [min, max] = self.bounds();
         solve::surface(point, min.abs().max(max.abs()).max_element(), normal, [0.0; 2])
-    }
-
-    /// A point on the side of a sphere towards `p`, in a direction uniform over the cone in which `p` sees the sphere.
-    /// The centre of the sphere and the versine 1 − cos θ of the cone's half angle follow. None for other forms, and
-    /// inside the sphere.
-    pub(crate) fn cone_point(&self, p: DVec3, [u, v]: [f64; 2]) -> Option<(DVec3, DVec3, f64)> {
-        let Form::Sphere(center, radius) = self.form else { return None };
-        let to_center = center - p;
-        let distance = to_center.length();
-        if !is_outside(p, center, radius) {
-            return None;
-        }
-        let sin2 = (radius / distance) * (radius / distance);
-        let versine = versine(distance, radius);
-        let lower = u * versine;
-        let (cos, sin2_here) = (1.0 - lower, lower * (2.0 - lower));
-        let axis = to_center / distance;
-        let (x, y) = axis.any_orthonormal_pair();
-        let (s, c) = libm::sincos(TAU * v);
-        let direction = axis * cos + (x * c + y * s) * sin2_here.sqrt();
-        let near = distance * (cos - (sin2 - sin2_here).max(0.0).sqrt());
-        Some((p + direction * near, center, versine))
     }
 
     /// The smallest and the largest coordinates of the surface.
@@ -354,12 +295,6 @@ impl SurfaceSampler {
     pub(crate) fn is_sphere(&self) -> bool {
         matches!(self.form, Form::Sphere(..))
     }
-}
-
-/// The versine 1 − cos θ of the half angle at which a sphere is seen, without cancellation.
-fn versine(distance: f64, radius: f64) -> f64 {
-    let sin2 = (radius / distance) * (radius / distance);
-    sin2 / (1.0 + (1.0 - sin2).sqrt())
 }
 
 impl FrustumForm {
