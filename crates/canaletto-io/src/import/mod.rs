@@ -9,6 +9,7 @@ mod color;
 mod concat;
 mod encoding;
 mod formats;
+mod ies;
 mod ignored;
 mod lines;
 mod model;
@@ -30,6 +31,7 @@ mod texture_map;
 
 pub use cloud::{CloudFormat, read_cylinders, read_spheres};
 pub use formats::{FORMATS, Holds, ModelFormat};
+pub(crate) use ies::read_ies;
 pub use model::Model;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;

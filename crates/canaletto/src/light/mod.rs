@@ -5,6 +5,7 @@ mod area;
 mod directional;
 mod disk;
 pub mod environment;
+mod ies_profile;
 mod omni;
 mod prepared;
 mod sample;
@@ -13,7 +14,9 @@ mod surface_light;
 
 pub use directional::Directional;
 pub use disk::DiskLight;
+pub use ies_profile::{IesProfile, MountedProfile};
 pub use omni::Omni;
+pub(crate) use prepared::attenuation_divisor;
 pub use prepared::{Illumination, PreparedLight};
 pub use sample::{LightBounds, LightSample};
 pub use spot::{Falloff, Spot};
@@ -48,6 +51,10 @@ pub struct Light {
     /// shadow. Only for lights with a surface.
     #[serde(default)]
     pub visible: bool,
+    /// The distribution of the light over directions, times that of the light itself. Only for omni lights that aren't
+    /// infinitely far, and for spotlights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Box<MountedProfile>>,
     /// The form of the light.
     pub kind: LightKind,
 }
@@ -87,6 +94,7 @@ impl Light {
             samples: 0,
             emission: Emission::Even,
             visible: false,
+            profile: None,
             kind,
         }
     }
@@ -102,7 +110,8 @@ impl Light {
             LightKind::Sphere(light) => LightKind::Sphere(light.transformed(t)),
             LightKind::Mesh(light) => LightKind::Mesh(Box::new(light.transformed(t))),
         };
-        Light { kind, ..self.clone() }
+        let profile = self.profile.as_ref().map(|profile| Box::new(profile.transformed(t)));
+        Light { kind, profile, ..self.clone() }
     }
 
     /// Returns the light with each point replaced by `f` of its index and itself.
@@ -195,6 +204,18 @@ impl Light {
         if self.visible && !self.has_area() {
             let problem = format!("is set, but a light \"{}\" has no surface to be seen", self.kind_name());
             return Err(OutOfRange::new("visible", problem));
+        }
+        if let Some(profile) = &self.profile {
+            let is_point = match &self.kind {
+                LightKind::Omni(omni) => omni.towards_infinity().is_none(),
+                LightKind::Spot(_) => true,
+                _ => false,
+            };
+            if !is_point {
+                let problem = format!("is for lights at a point; a light \"{}\" here isn't one", self.kind_name());
+                return Err(OutOfRange::new("ies", problem));
+            }
+            profile.check()?;
         }
         match &self.kind {
             LightKind::Omni(light) => light.check(),

@@ -1,6 +1,7 @@
 //! The runtime form of a light: values that do not depend on the lit point are computed once.
 
 use super::area;
+use super::ies_profile::PreparedProfile;
 use super::{Emission, Light, LightKind, surface_light};
 use crate::math::Rgb;
 use crate::shape::SurfaceSampler;
@@ -18,6 +19,7 @@ pub struct PreparedLight {
     /// The intensity of each point.
     pub(super) intensity: Rgb,
     pub(super) cone: Option<super::spot::Cone>,
+    pub(super) profile: Option<Box<PreparedProfile>>,
     /// The surface, if its points are chosen for each hit: random ones, or those of matte emission.
     pub(super) surface: Option<Box<SurfaceSampler>>,
     /// The number of points that emit.
@@ -52,8 +54,15 @@ pub struct Illumination {
     pub distance: f32,
     /// The position of the light's point; `None` for light from infinity.
     pub position: Option<Vec3>,
-    /// The intensity after attenuation, cone and region, without shadows.
+    /// The intensity after attenuation, cone, profile and region, without shadows.
     pub intensity: Rgb,
+}
+
+/// What the light of a light with these coefficients of attenuation is divided by at a distance.
+#[inline]
+pub(crate) fn attenuation_divisor([c, l, q]: [f32; 3], distance: f32) -> f32 {
+    // The divisor may be 0 at the light's own position; black stays black.
+    (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE)
 }
 
 impl PreparedLight {
@@ -100,10 +109,11 @@ impl PreparedLight {
         let attenuated = light.attenuation != [1.0, 0.0, 0.0];
         let points = if let [point] = *points { Points::One(point) } else { Points::Some(points.into()) };
         let surface = surface.map(Box::new);
-        PreparedLight { light, points, towards, intensity, cone, surface, count, attenuated }
+        let profile = light.profile.as_ref().map(|profile| Box::new(profile.prepared()));
+        PreparedLight { light, points, towards, intensity, cone, profile, surface, count, attenuated }
     }
 
-    /// The intensity of each point, before attenuation, cone and region.
+    /// The intensity of each point, before attenuation, cone, profile and region.
     pub(crate) fn point_intensity(&self) -> Rgb {
         self.intensity
     }
@@ -175,15 +185,13 @@ impl PreparedLight {
 
     /// The intensity that arrives from each of the light's points, if it is constant in space.
     pub(crate) fn constant_intensity(&self) -> Option<Rgb> {
-        (!self.attenuated && self.cone.is_none()).then_some(self.intensity)
+        (!self.attenuated && self.cone.is_none() && self.profile.is_none()).then_some(self.intensity)
     }
 
     /// What the intensity is divided by at a distance.
     #[inline]
     pub(crate) fn attenuation_divisor(&self, distance: f32) -> f32 {
-        let [c, l, q] = self.light.attenuation;
-        // The divisor may be 0 at the light's own position; black stays black.
-        (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE)
+        attenuation_divisor(self.light.attenuation, distance)
     }
 
     /// The intensity that arrives from one of the light's points in this direction and at this distance.
@@ -195,6 +203,9 @@ impl PreparedLight {
         }
         if let Some(cone) = &self.cone {
             intensity *= cone.factor(-direction.as_vec3());
+        }
+        if let Some(profile) = &self.profile {
+            intensity *= profile.factor(-direction);
         }
         intensity
     }

@@ -51,6 +51,16 @@ impl PreparedLight {
         self.surface.as_deref().filter(|_| self.light.emission == Emission::Matte)
     }
 
+    /// The area of a light of matte emission.
+    pub(crate) fn matte_area(&self) -> Option<f64> {
+        self.matte().map(SurfaceSampler::area)
+    }
+
+    /// The unit direction to a light that is infinitely far.
+    pub(crate) fn towards(&self) -> DVec3 {
+        self.towards
+    }
+
     /// The intensity of the whole light.
     fn whole(&self) -> Rgb {
         self.intensity * self.count as f32
@@ -91,11 +101,15 @@ impl PreparedLight {
     }
 
     /// The power of the light. Points emit as if attenuated by the squared distance alone. Light from infinity counts
-    /// as far as it meets a scene of this radius.
+    /// as far as it meets a scene of this radius. A spotlight with a profile counts as the narrower of both.
     pub fn power(&self, scene_radius: f64) -> Rgb {
         // π l is the irradiance, and at a distance of 1 the radiant intensity.
         let factor = match (&self.light.kind, self.matte()) {
             (_, Some(surface)) => PI * surface.area(),
+            (_, None) if let Some(profile) = &self.profile => {
+                let cone = self.cone.map_or(4.0 * PI, |cone| cone.solid_angle());
+                PI * profile.solid_angle().min(cone)
+            }
             (LightKind::Spot(_), _) => PI * self.cone.map_or(0.0, |cone| cone.solid_angle()),
             (LightKind::Directional(directional), _) => {
                 let radius = directional.beam.map_or(scene_radius, |(_, radius)| scene_radius.min(radius.into()));
@@ -128,6 +142,9 @@ impl PreparedLight {
                 (axis, cos, 0.0)
             }
             (None, Some(cone)) => (cone.axis().as_dvec3(), 1.0, cone.cos_outer()),
+            (None, None) if let Some(profile) = &self.profile => {
+                (profile.axis(), 1.0, libm::cos(profile.emission_angle()))
+            }
             (None, None) => (DVec3::Z, -1.0, 0.0),
         };
         Some(LightBounds { bounds, axis, cos_theta_o, cos_theta_e, power })

@@ -1,5 +1,7 @@
-//! Colours, transforms and their motion, rounding-error bounds, polynomial roots and maps of the unit square.
+//! Colours, also of glowing bodies, transforms and their motion, rounding-error bounds, polynomial roots and maps of the
+//! unit square.
 
+mod black_body;
 mod dray;
 mod error_bound;
 mod motion;
@@ -10,6 +12,7 @@ mod rgb;
 mod transform;
 pub mod warp;
 
+pub use black_body::{BLACK_BODY_TEMPERATURES, black_body};
 pub use dray::DRay;
 pub use error_bound::{gamma, offset_origin, rounding};
 pub use motion::{AnimatedTransform, AnimatedTransformError};

@@ -2,15 +2,17 @@
 
 use super::kind_of;
 use super::mesh::FILE;
+use crate::import;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, Numbers, Text, flag, numbers, quoted};
 use crate::text::syntax::Node;
 use canaletto::light::{
-    Directional, DiskLight, Emission, Falloff, Light, LightKind, MeshLight, Omni, RectangleLight, SphereLight, Spot,
+    Directional, DiskLight, Emission, Falloff, Light, LightKind, MeshLight, MountedProfile, Omni, RectangleLight,
+    SphereLight, Spot,
 };
-use canaletto::math::{Rgb, Transform};
+use canaletto::math::{BLACK_BODY_TEMPERATURES, Rgb, Transform, black_body};
 use canaletto::scene::{self, Content};
 use canaletto::shape::{Disk, Parallelogram, Sphere};
 use canaletto::{Named, OutOfRange};
@@ -43,9 +45,15 @@ const DEFAULT_INNER: f32 = 0.0;
 
 const INTENSITY: Field<Rgb> = Field::new("intensity", "l: a surface straight below is lit by l times its kd")
     .or(|| DEFAULT_INTENSITY.to_string());
+/// The temperature of a light or of an emission.
+pub(super) const TEMPERATURE: Field<f32> = Field::new(
+    "temperature",
+    "its colour by the temperature of a glowing body, 1000 to 40000 kelvin, times the colour given: a candle has 1900, a \
+     lamp 2700, daylight 6500",
+);
 const SHADOWS: Field<bool> = Field::new("shadows", "whether it casts shadows").or(|| flag(default_light().shadows));
 const NAME: Field<Text> = Field::text("name", "its name, for `--set` and explanations");
-const LIGHT_FIELDS: &[FieldSchema] = &[INTENSITY.schema, SHADOWS.schema, NAME.schema];
+const LIGHT_FIELDS: &[FieldSchema] = &[INTENSITY.schema, TEMPERATURE.schema, SHADOWS.schema, NAME.schema];
 
 fn default_light() -> Light {
     Light::new(LightKind::Omni(Omni::at(Vec3::ZERO)), Rgb::gray(DEFAULT_INTENSITY))
@@ -99,10 +107,19 @@ const OMNI_POSITION: Field<Numbers> = Field::numbers(
 .needed()
 .places();
 
+const IES: Field<Text> = Field::text(
+    "ies",
+    "a file of its light by direction, from the lamp's maker (IESNA LM-63, type C); intensity is that of the brightest \
+     direction",
+);
+const IES_AXIS: Field<Vec3> = Field::new("axis", "where the profile's angle 0 looks").or(|| numbers([0.0, -1.0, 0.0]));
+const IES_FRONT: Field<Vec3> =
+    Field::new("front", "where the profile's horizontal angle 0 looks").or(|| numbers([0.0, 0.0, 1.0]));
+
 static OMNI: LightNode = light_node(
     &["omni"],
     "Light from a point in all directions.",
-    &[&[OMNI_POSITION.schema, ATTENUATION.schema], LIGHT_FIELDS],
+    &[&[OMNI_POSITION.schema, ATTENUATION.schema, IES.schema, IES_AXIS.schema, IES_FRONT.schema], LIGHT_FIELDS],
     "light \"omni\" { position 40 120 0; intensity 0.8 }",
     |_, f| {
         let point = || f.numbers(&OMNI_POSITION).map(|p| Vec3::from_array(p.map(|v| v as f32)));
@@ -139,6 +156,7 @@ static SPOT: LightNode = light_node(
     "A cone of light. It ends smoothly between two angles, or falls off with a power of the cosine.",
     &[
         &[SPOT_POSITION.schema, SPOT_TARGET.schema, OUTER.schema, INNER.schema, EXPONENT.schema, ATTENUATION.schema],
+        &[IES.schema, IES_FRONT.schema],
         LIGHT_FIELDS,
     ],
     "light \"spot\" { position 0 50 0; target 0 0 0; inner 20; outer 30 }",
@@ -230,6 +248,7 @@ impl Decoder<'_> {
         let mut light =
             Light::new(read(self, &fields)?, fields.get(&INTENSITY).unwrap_or(Rgb::gray(DEFAULT_INTENSITY)));
         light.name = fields.text(&NAME).map(Into::into);
+        light.intensity = light.intensity * self.glow(&fields, &TEMPERATURE);
         light.shadows = fields.get(&SHADOWS).unwrap_or(light.shadows);
         // Not all kinds have a surface or a distance.
         if schema.word(SAMPLES.name()).is_some() {
@@ -237,6 +256,9 @@ impl Decoder<'_> {
         }
         if schema.word(ATTENUATION.name()).is_some() {
             light.attenuation = fields.get(&ATTENUATION).map_or(light.attenuation, |v| v.to_array());
+        }
+        if schema.word(IES.name()).is_some() {
+            light.profile = self.profile(&fields, &light.kind);
         }
         if fields.valid
             && let Err(problem) = light.check()
@@ -251,6 +273,48 @@ impl Decoder<'_> {
         let (transform, motion) = (transform.into(), motion.into());
         let node = scene::Node { name, transform, motion, ..scene::Node::new(Content::Light(light)) };
         Some(node.with_points(&fields.places()))
+    }
+
+    /// The colour of a temperature; white without one.
+    pub(super) fn glow(&mut self, fields: &Fields, field: &Field<f32>) -> Rgb {
+        let Some(kelvin) = fields.get(field).map(f64::from) else { return Rgb::WHITE };
+        if !BLACK_BODY_TEMPERATURES.contains(&kelvin) {
+            let problem = format!("is {kelvin}; it must be between 1000 and 40000 kelvin");
+            self.out_of_range(fields, &OutOfRange::new(field.name(), problem));
+        }
+        black_body(kelvin)
+    }
+
+    /// The distribution of a light over directions, from its file.
+    fn profile(&mut self, fields: &Fields, kind: &LightKind) -> Option<Box<MountedProfile>> {
+        // A spotlight looks at its target.
+        let (axis, aim) = match kind {
+            LightKind::Spot(spot) => (None, spot.target - spot.position),
+            _ => (fields.get(&IES_AXIS), Vec3::NEG_Y),
+        };
+        let front = fields.get(&IES_FRONT);
+        let Some(file) = fields.text(&IES) else {
+            for (name, given) in [(IES_AXIS.name(), axis.is_some()), (IES_FRONT.name(), front.is_some())] {
+                if given {
+                    self.out_of_range(fields, &OutOfRange::new(name, "turns a profile, but ies is missing"));
+                }
+            }
+            return None;
+        };
+        let from = self.validator.files.get(fields.span(&IES).file)?.path.clone();
+        match import::read_ies(file, self.assets, &from) {
+            Ok(profile) => {
+                let axis = axis.unwrap_or(aim);
+                // Where the profile looks along z, x is aside.
+                let aside = |v: &Vec3| v.cross(axis).length() > 1e-6 * axis.length();
+                let front = front.unwrap_or(if aside(&Vec3::Z) { Vec3::Z } else { Vec3::X });
+                Some(Box::new(MountedProfile { profile, axis, front }))
+            }
+            Err(errors) => {
+                self.file_failed(file, fields.span(&IES), errors);
+                None
+            }
+        }
     }
 
     fn light_of_surface(&mut self, fields: &Fields, light: &mut Light) {

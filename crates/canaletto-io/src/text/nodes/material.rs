@@ -1,7 +1,7 @@
 //! The node of a material.
 
-use super::change;
 use super::surface_texture::TEXTURE;
+use super::{change, lights};
 use crate::text::arithmetic::DIELECTRIC;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
@@ -66,6 +66,10 @@ const PRIORITY: Field<f32> = Field::new(
     "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
 )
 .or(|| Material::default().priority.to_string());
+const TEMPERATURE: Field<f32> = Field::new(
+    lights::TEMPERATURE.name(),
+    "the colour of the emission by the temperature of a glowing body, 1000 to 40000 kelvin, times the emission",
+);
 const TWO_SIDED: Field<bool> =
     Field::new("two-sided", "#true lets the inner side emit the emission, too").or(|| "#false".into());
 
@@ -148,6 +152,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             ALPHA.schema,
             ABSORPTION.schema,
             MEDIUM_FIELD.schema,
+            TEMPERATURE.schema,
             TWO_SIDED.schema,
             COVERAGE.schema,
             PRIORITY.schema,
@@ -285,6 +290,9 @@ impl<'a> Decoder<'a> {
         }
         change(&mut material.medium, medium);
         change(&mut material.medium.absorption, fields.get(&ABSORPTION));
+        let glow = self.glow(fields, &TEMPERATURE);
+        let phong = material.model.phong_mut();
+        phong.emission = phong.emission * glow;
         change(&mut material.coverage, fields.get(&COVERAGE));
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));

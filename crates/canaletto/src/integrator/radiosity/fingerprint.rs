@@ -231,8 +231,14 @@ impl Bodies {
             Content::Mesh(number) => body("mesh", *number, &self.meshes),
             Content::Spheres(number) => body("spheres", *number, &self.spheres),
             Content::Cylinders(number) => body("cylinders", *number, &self.cylinders),
-            Content::Light(Light { name: _, intensity, shadows, attenuation, samples, emission, visible: _, kind }) => {
-                let light = of_debug(&(intensity, shadows, attenuation, samples, emission, kind)).finish();
+            Content::Light(light) => {
+                let Light { name: _, intensity, shadows, attenuation, samples, emission, visible: _, profile, kind } =
+                    light;
+                let all = (intensity, shadows, attenuation, samples, emission, kind);
+                let light = match profile {
+                    None => of_debug(&all).finish(),
+                    Some(profile) => of_debug(&(all, profile)).finish(),
+                };
                 NodeHashes { geometry: None, assignment: None, lights: Some(light) }
             }
             Content::Group(children) => self.nodes(prototypes, children, depth + 1),
