@@ -165,7 +165,7 @@ impl World {
             })?;
         }
         let described = scene.materials.len() as u32;
-        add_visible_lights(&mut scene);
+        let visible_lights = add_visible_lights(&mut scene);
         let light_materials = described..scene.materials.len() as u32;
         let Scene {
             background,
@@ -233,6 +233,7 @@ impl World {
             shells: shells(&builder.geometries, |geometry| clear[geometry]),
             materials,
             light_materials,
+            visible_lights,
             objects: builder.objects,
             object_numbers,
             prototype_numbers: builder.prototype_numbers,

@@ -8,6 +8,7 @@ mod bundle;
 mod contact;
 mod displacement;
 mod edges;
+mod emitting;
 mod facets;
 mod flat_objects;
 mod flatten;
@@ -69,6 +70,7 @@ use crate::material::Material;
 use crate::math::Rgb;
 use crate::texture::PreparedTexture;
 use canaletto_bvh::Aabb;
+use emitting::VisibleLight;
 use geometry::Geometry;
 use glam::{DVec3, Vec3};
 use group::Group;
@@ -99,8 +101,9 @@ pub struct World {
     needs_differentials: bool,
     /// All materials; the last one is the default for objects without a material.
     materials: Vec<Material>,
-    /// The indices of the materials that show lights.
+    /// The indices of the materials that show lights, and these lights.
     light_materials: Range<u32>,
+    visible_lights: Vec<VisibleLight>,
     /// The names and kinds of the described objects.
     objects: Vec<Object>,
     /// The numbers of all objects, copies included.

@@ -5,6 +5,7 @@
 //! light leave these materials out ([`World::is_of_light`]).
 
 use super::World;
+use super::emitting::VisibleLight;
 use crate::light::{Emission, Light, LightKind};
 use crate::material::{Material, Phong};
 use crate::math::Rgb;
@@ -12,31 +13,53 @@ use crate::scene::{Content, Node, Scene};
 use crate::shape::{Mesh, Shape};
 use glam::Vec3;
 
-/// Adds the surfaces of visible lights to a scene. Their materials are the last ones.
-pub(super) fn add_visible_lights(scene: &mut Scene) {
+/// Adds the surfaces of visible lights to a scene. Their materials are the last ones. Returns the lights in the order
+/// of the materials.
+pub(super) fn add_visible_lights(scene: &mut Scene) -> Vec<VisibleLight> {
     let Scene { nodes, prototypes, materials, meshes, .. } = scene;
+    let mut added = Added { materials, meshes, lights: Vec::new() };
     for node in nodes.iter_mut().chain(prototypes) {
-        add_to(node, materials, meshes, 0);
+        added.add_to(node, 0);
     }
+    added.lights
 }
 
-fn add_to(node: &mut Node, materials: &mut Vec<Material>, meshes: &mut Vec<Mesh>, depth: usize) {
-    match &mut node.content {
-        Content::Group(children) if depth < World::MAX_NESTING => {
-            children.iter_mut().for_each(|child| add_to(child, materials, meshes, depth + 1));
+/// What visible lights add to a scene.
+struct Added<'s> {
+    materials: &'s mut Vec<Material>,
+    meshes: &'s mut Vec<Mesh>,
+    lights: Vec<VisibleLight>,
+}
+
+impl Added<'_> {
+    fn add_to(&mut self, node: &mut Node, depth: usize) {
+        match &mut node.content {
+            Content::Group(children) if depth < World::MAX_NESTING => {
+                children.iter_mut().for_each(|child| self.add_to(child, depth + 1));
+            }
+            Content::Light(light) if light.visible => {
+                let surfaces = surfaces(light, &node.rest, self.meshes);
+                let name = node.name.clone().or_else(|| light.name.clone());
+                let material = self.materials.len() as u32;
+                self.materials.push(material_of(light, name.as_deref()));
+                let name = name.unwrap_or_else(|| light.visible_name().into());
+                self.lights.push(VisibleLight {
+                    attenuation: light.attenuation,
+                    is_emitter: light.emission == Emission::Matte && light.shadows,
+                });
+                let surface = |node: Node| Node {
+                    name: Some(name.clone()),
+                    material: Some(material),
+                    casts_shadow: false,
+                    ..node
+                };
+                let light =
+                    Node { name: node.name.clone(), rest: std::mem::take(&mut node.rest), ..light.clone().into() };
+                node.content =
+                    Content::Group(std::iter::once(light).chain(surfaces.into_iter().map(surface)).collect());
+            }
+            _ => {}
         }
-        Content::Light(light) if light.visible => {
-            let surfaces = surfaces(light, &node.rest, meshes);
-            let name = node.name.clone().or_else(|| light.name.clone());
-            let material = materials.len() as u32;
-            materials.push(material_of(light, name.as_deref()));
-            let name = name.unwrap_or_else(|| light.visible_name().into());
-            let surface =
-                |node: Node| Node { name: Some(name.clone()), material: Some(material), casts_shadow: false, ..node };
-            let light = Node { name: node.name.clone(), rest: std::mem::take(&mut node.rest), ..light.clone().into() };
-            node.content = Content::Group(std::iter::once(light).chain(surfaces.into_iter().map(surface)).collect());
-        }
-        _ => {}
     }
 }
 

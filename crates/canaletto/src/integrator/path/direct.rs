@@ -4,14 +4,13 @@
 //! together.
 
 use super::PathTracer;
+use super::emitter::EmitterSample;
 use super::light_sampler::Source;
-use super::trace::{Vertex, seen_emission};
+use super::trace::Vertex;
 use crate::integrator::media::NONE;
 use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::light::LightSample;
-use crate::material::MaterialPoint;
 use crate::math::{DRay, Rgb};
-use crate::shape::Surface;
 use crate::world::{Hit, Occlusion};
 use canaletto_bvh::Ray;
 use glam::DVec3;
@@ -26,13 +25,10 @@ pub(super) struct ShadowRay {
     pub(super) ray: Ray,
     /// The end of the ray. It is negative if nothing can hide the source.
     pub(super) t_max: f32,
-    /// The factor of what arrives: f |cos θ|. Of other sources than emitters, it is the light that the surface sends
-    /// back if nothing hides the source.
-    pub(super) factor: Rgb,
+    /// The light that the surface sends back if nothing hides the source, with its weight.
+    pub(super) light: Rgb,
     /// The ray before rounding. At its parameter 1 is the sampled point, if the source isn't infinitely far.
     pub(super) line: DRay,
-    /// The density of the direction by the surface's scattering.
-    scattering_pdf: f64,
     /// The bodies that the ray starts in, and the coinciding surface at its origin, where shadow rays pass surfaces.
     pub(super) inside: [u32; 2],
 }
@@ -50,10 +46,10 @@ impl PathTracer<'_> {
         if vertex.is_delta() {
             return None;
         }
-        let (source, chosen) = self.lights.sample(u_source)?;
+        let (source, chosen) = self.lights.sample(self.world, &vertex.receiver(), u_source)?;
         let mut shadow = match source {
             Source::Light(number) => self.sample_light(vertex, number, u, chosen),
-            Source::Emitter(number) => self.sample_emitter(vertex, number, u),
+            Source::Emitter(number) => self.sample_emitter(vertex, number, u, chosen),
             Source::Environment => self.sample_environment(vertex, u, chosen),
         }?;
         if self.sees_through {
@@ -80,27 +76,27 @@ impl PathTracer<'_> {
             source: Source::Light(number),
             ray: Ray::new(ray.origin, to),
             t_max: if light.light.shadows { end } else { f32::NEG_INFINITY },
-            factor: f * li * (1.0 / (pdf * chosen)) as f32,
+            light: f * li * (1.0 / (pdf * chosen)) as f32,
             line,
-            scattering_pdf: 0.0,
             inside: [NONE; 2],
         })
     }
 
     /// A point of an emitting surface.
-    fn sample_emitter(&self, vertex: &Vertex, number: u32, u: [f64; 2]) -> Option<ShadowRay> {
+    fn sample_emitter(&self, vertex: &Vertex, number: u32, u: [f64; 2], chosen: f64) -> Option<ShadowRay> {
         let from = vertex.position();
-        let point = self.lights.emitters.all[number as usize].sample_from(from, u)?;
+        let emitter = &self.lights.emitters.all[number as usize];
+        let EmitterSample { point, radiance, pdf } = emitter.sample_from(self.world, self.time, from, u)?;
         let wi = (point - from).try_normalize()?;
-        let factor = reflected(vertex, wi, Rgb::WHITE)?;
+        let f = reflected(vertex, wi, radiance)?;
         let start = vertex.ray(&vertex.line(wi)).origin;
+        let pdf = pdf * chosen;
         Some(ShadowRay {
             source: Source::Emitter(number),
             ray: Ray::new(start, (point - start.as_dvec3()).as_vec3()),
             t_max: PAST_EMITTER,
-            factor,
+            light: f * radiance * (1.0 / pdf) as f32 * weight(pdf, vertex.pdf(wi)),
             line: DRay { origin: from, direction: point - from },
-            scattering_pdf: vertex.pdf(wi),
             inside: [NONE; 2],
         })
     }
@@ -112,14 +108,12 @@ impl PathTracer<'_> {
         let f = reflected(vertex, wi, radiance)?;
         let line = vertex.line(wi);
         let pdf = pdf * chosen;
-        let scattering_pdf = vertex.pdf(wi);
         Some(ShadowRay {
             source: Source::Environment,
             ray: vertex.ray(&line),
             t_max: f32::INFINITY,
-            factor: f * radiance * (1.0 / pdf) as f32 * weight(pdf, scattering_pdf),
+            light: f * radiance * (1.0 / pdf) as f32 * weight(pdf, vertex.pdf(wi)),
             line,
-            scattering_pdf,
             inside: [NONE; 2],
         })
     }
@@ -148,7 +142,7 @@ impl PathTracer<'_> {
     /// The light of a light that no ray hits, past what lies between.
     pub(super) fn light_past(&mut self, shadow: &ShadowRay, occlusion: Occlusion) -> Rgb {
         if shadow.t_max < 0.0 {
-            return shadow.factor;
+            return shadow.light;
         }
         let ShadowRay { ray, t_max, .. } = shadow;
         let passed = match occlusion {
@@ -158,47 +152,21 @@ impl PathTracer<'_> {
         };
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(passed == 0.0);
-        (shadow.factor * passed).saturated()
+        (shadow.light * passed).saturated()
     }
 
     /// The light of an emitter or of the environment by the first hit of its shadow ray.
     pub(super) fn light_at(&mut self, shadow: &ShadowRay, hit: Option<Hit>) -> Rgb {
         self.counts.shadow.traced += 1;
-        let light = match (shadow.source, hit) {
-            (Source::Environment, None) => Some(shadow.factor),
-            (Source::Emitter(number), Some(hit)) => self.light_of_emitter(shadow, number, hit),
-            _ => None,
+        let is_seen = match (shadow.source, hit) {
+            (Source::Environment, None) => true,
+            (Source::Emitter(number), Some(hit)) => {
+                hit.t > 2.0 - PAST_EMITTER && self.lights.emitters.of_hit(&hit) == Some(number)
+            }
+            _ => false,
         };
-        self.counts.shadow.hit += u64::from(light.is_none());
-        light.unwrap_or(Rgb::BLACK).saturated()
-    }
-
-    /// The light of an emitter at a hit; none if something else was hit.
-    fn light_of_emitter(&self, shadow: &ShadowRay, number: u32, hit: Hit) -> Option<Rgb> {
-        let (world, lights, line) = (self.world, self.lights, shadow.line);
-        if hit.t <= 2.0 - PAST_EMITTER || lights.emitters.of_hit(world, &hit) != Some(number) {
-            return None;
-        }
-        let mut surface = world.surface(line, &hit);
-        let material = world.material_point(world.material(&hit), (line, &hit), &mut surface, None, &mut ());
-        Some(self.light_of_surface(shadow, &hit, &surface, &material))
-    }
-
-    /// The light of an emitter whose surface the shadow ray hits.
-    pub(super) fn light_of_surface(
-        &self,
-        shadow: &ShadowRay,
-        hit: &Hit,
-        surface: &Surface,
-        material: &MaterialPoint,
-    ) -> Rgb {
-        let line = shadow.line;
-        let emission = seen_emission(material, line.direction.dot(surface.normal) < 0.0);
-        let pdf = self.lights.pdf_of_hit(self.world, line.origin, hit, surface.exact, surface.normal);
-        if emission.is_black() || pdf <= 0.0 {
-            return Rgb::BLACK;
-        }
-        shadow.factor * emission * (1.0 / pdf) as f32 * weight(pdf, shadow.scattering_pdf)
+        self.counts.shadow.hit += u64::from(!is_seen);
+        if is_seen { shadow.light.saturated() } else { Rgb::BLACK }
     }
 }
 

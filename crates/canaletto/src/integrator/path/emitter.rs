@@ -1,112 +1,155 @@
 //! Emitting surfaces as lights.
 
-use crate::material::Material;
-use crate::math::{Rgb, Transform};
-use crate::shape::SurfaceSampler;
+use super::light_sampler::strength;
+use super::light_tree::{ClusterBounds, NormalCone};
+use crate::light::attenuation_divisor;
+use crate::material::MaterialPoint;
+use crate::math::{DRay, Rgb, Transform};
+use crate::shape::{Parallelogram, SurfaceSampler};
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
+use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
-use std::f64::consts::PI;
+use std::f64::consts::FRAC_PI_2;
 
-/// The most placed geometries and primitives that are looked through for emitting ones.
-const MOST_PRIMITIVES: u64 = 1 << 24;
+/// How far two triangles may be from a parallelogram, as a share of its size, to be sampled as one.
+const ONE_SURFACE: f32 = 1e-6;
 
-/// An emitting surface of which random points are sampled: a shape, or the triangles of a mesh with one material.
+/// An emitting surface of which random points are sampled: a shape, a triangle, or two triangles that make a
+/// parallelogram.
 #[derive(Debug)]
 pub(super) struct Emitter {
     sampler: SurfaceSampler,
-    /// The transform from the sampler's space to the world's and back, which scales all directions alike.
-    similarity: Option<Box<[Transform; 2]>>,
+    place: Place,
+    /// The number of the placed geometry and the first primitive.
+    of: [u32; 2],
+    /// The number of primitives, which follow each other.
+    primitives: u32,
+    /// The radiance that leaves the outer side; none if textures change it.
+    radiance: Option<Rgb>,
     two_sided: bool,
-    /// The power, without textures.
-    power: Rgb,
+    /// The coefficients c, l, q of the attenuation by distance; none for surfaces that aren't lights.
+    attenuation: Option<[f32; 3]>,
+    bounds: ClusterBounds,
+}
+
+/// The space of a sampler.
+#[derive(Debug)]
+enum Place {
+    World,
+    Still(Box<Transform>),
+    /// That of a moving instance at the time of a ray.
+    Moving,
+}
+
+/// The light of a point of an emitter, as if nothing lay between.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EmitterSample {
+    /// The point.
+    pub(super) point: DVec3,
+    /// The radiance that leaves it towards the lit point.
+    pub(super) radiance: Rgb,
+    /// The density per unit of solid angle at the lit point.
+    pub(super) pdf: f64,
 }
 
 /// The emitters of a world, found by hits on them.
 #[derive(Debug, Default)]
 pub(super) struct Emitters {
     pub(super) all: Vec<Emitter>,
-    /// The index of the emitter by the number of the instance and by the primitive, or by the material of meshes.
-    index: HashMap<[u32; 2], u32>,
+    /// For each emitting primitive the number of its geometry, its own and its emitter's, in rising order.
+    index: Vec<([u32; 2], u32)>,
 }
 
 impl Emitters {
-    /// The emitters of a world. Left out are surfaces that move, planes, and round shapes that a transform stretches:
-    /// paths find their light by chance. So do paths with the light of materials that `is_taken` refuses.
-    pub(super) fn new(world: &World, is_taken: impl Fn(u32) -> bool) -> Emitters {
+    /// The emitters of a world. Left out are planes, whose light paths find by chance. So do paths with the light of
+    /// materials that `is_taken` refuses. `radius` is that of the scene.
+    pub(super) fn new(world: &World, radius: f64, is_taken: impl Fn(u32) -> bool) -> Emitters {
         let mut emitters = Emitters::default();
-        if !world.may_emit() {
-            return emitters;
-        }
-        let mut left = MOST_PRIMITIVES;
-        for number in 0..world.placed_geometry_count() {
-            let placed = world.placed_geometry(number, 0.0);
-            let Some(rest) = left.checked_sub(placed.primitives.len() as u64 + 1) else { break };
-            left = rest;
-            emitters.add(world, number, &placed, &is_taken);
+        let emits = |material: u32| world.materials()[material as usize].may_emit() && is_taken(material);
+        for number in world.geometries_with_material(emits) {
+            emitters.add(world, number, &emits, radius);
         }
         emitters
     }
 
-    fn add(&mut self, world: &World, number: u32, placed: &PlacedGeometry, is_taken: &impl Fn(u32) -> bool) {
+    fn add(&mut self, world: &World, number: u32, emits: &impl Fn(u32) -> bool, radius: f64) {
+        let placed = world.placed_geometry(number, 0.0);
+        let moves = world.placed_moves(number);
+        let len = placed.primitives.len() as u32;
         let emitting = |primitive: u32| {
             let material = world.material_of_primitive(number, primitive);
-            (world.materials()[material as usize].may_emit() && is_taken(material)).then_some(material)
+            (primitive < len && emits(material)).then_some(material)
         };
-        let end = world.placed_geometry(number, 1.0).to_world;
-        if placed.to_world.as_ref().map(Transform::matrix) != end.as_ref().map(Transform::matrix) {
-            return;
-        }
-        if let Primitives::Mesh(mesh) = placed.primitives {
-            let mut parts: Vec<(u32, Vec<[Vec3; 3]>)> = Vec::new();
-            for triangle in 0..mesh.len() {
-                let Some(material) = emitting(triangle as u32) else { continue };
-                let corners = world_corners(mesh.corners(triangle), placed.to_world.as_ref());
-                match parts.iter_mut().find(|(of, _)| *of == material) {
-                    Some((_, part)) => part.push(corners),
-                    None => parts.push((material, vec![corners])),
-                }
-            }
-            for (material, corners) in parts {
-                let emitter =
-                    Emitter::new(SurfaceSampler::triangles(corners), None, &world.materials()[material as usize]);
-                self.push([number, material], emitter);
-            }
-            return;
-        }
-        for primitive in 0..placed.primitives.len() as u32 {
+        let mut next = 0;
+        while next < len {
+            let primitive = next;
+            next += 1;
             let Some(material) = emitting(primitive) else { continue };
-            let Some((shape, _)) = placed.primitives.shape(primitive) else { continue };
-            let Some(sampler) = shape.sampler() else { continue };
-            let similarity = match &placed.to_world {
-                None => None,
-                Some(t) if t.uniform_scale().is_some() => Some(Box::new([*t, t.inverse()])),
-                Some(_) => continue,
+            let corners = |primitive: u32| triangle(&placed.primitives, primitive);
+            let pair = corners(primitive)
+                .zip(if next < len && emitting(next) == Some(material) { corners(next) } else { None })
+                .and_then(|(first, second)| parallelogram(first, second));
+            let sampler = match (pair, corners(primitive)) {
+                (Some(surface), _) => {
+                    next += 1;
+                    if moves { Some(surface.sampler()) } else { Some(in_world(&surface, &placed).sampler()) }
+                }
+                (None, Some(corners)) if moves => Some(SurfaceSampler::triangles(vec![corners])),
+                (None, Some(corners)) => {
+                    Some(SurfaceSampler::triangles(vec![world_corners(corners, placed.to_world.as_ref())]))
+                }
+                (None, None) => placed.primitives.shape(primitive).and_then(|(shape, _)| shape.sampler()),
             };
-            self.push([number, primitive], Emitter::new(sampler, similarity, &world.materials()[material as usize]));
-        }
-    }
-
-    fn push(&mut self, key: [u32; 2], emitter: Emitter) {
-        if emitter.sampler.area() > 0.0 && emitter.sampler.area().is_finite() {
-            self.index.insert(key, self.all.len() as u32);
-            self.all.push(emitter);
+            let Some(sampler) = sampler else { continue };
+            let place = match &placed.to_world {
+                _ if moves => Place::Moving,
+                Some(to_world) if corners(primitive).is_none() => Place::Still(Box::new(*to_world)),
+                _ => Place::World,
+            };
+            let emitter = Emitter::new(world, sampler, place, [number, primitive], next - primitive, material, radius);
+            if emitter.bounds.intensity > 0.0 && emitter.bounds.intensity.is_finite() {
+                self.index.extend((primitive..next).map(|primitive| ([number, primitive], self.all.len() as u32)));
+                self.all.push(emitter);
+            }
         }
     }
 
     /// The index of the emitter that was hit.
-    pub(super) fn of_hit(&self, world: &World, hit: &Hit) -> Option<u32> {
-        if hit.instance == Hit::UNBOUNDED { None } else { self.of(world, hit.instance, hit.primitive) }
+    pub(super) fn of_hit(&self, hit: &Hit) -> Option<u32> {
+        let found = self.index.binary_search_by_key(&[hit.instance, hit.primitive], |(key, _)| *key);
+        found.ok().map(|place| self.index[place].1)
     }
+}
 
-    /// The index of the emitter that a primitive of an instance belongs to.
-    fn of(&self, world: &World, instance: u32, primitive: u32) -> Option<u32> {
-        if self.all.is_empty() {
-            return None;
-        }
-        let part = if world.is_mesh(instance) { world.material_of_primitive(instance, primitive) } else { primitive };
-        self.index.get(&[instance, part]).copied()
+/// The corners of a primitive that is a triangle, in its own space.
+fn triangle(primitives: &Primitives, primitive: u32) -> Option<[Vec3; 3]> {
+    match primitives {
+        Primitives::Mesh(mesh) => Some(mesh.corners(primitive as usize)),
+        Primitives::Shapes(shapes) => match &shapes[primitive as usize] {
+            crate::shape::Shape::Triangle(t) => Some([t.a, t.b, t.c]),
+            _ => None,
+        },
+        Primitives::Spheres(_) | Primitives::Cylinders(_) => None,
     }
+}
+
+/// The parallelogram that two triangles make, if they share the edge between them and turn the same way.
+fn parallelogram(first: [Vec3; 3], second: [Vec3; 3]) -> Option<Parallelogram> {
+    let own = (0..3).find(|i| !second.contains(&first[*i]))?;
+    let [corner, u_end, v_end] = [0, 1, 2].map(|k| first[(own + k) % 3]);
+    let other = (0..3).find(|i| !first.contains(&second[*i]))?;
+    // The shared edge has the other direction in the second triangle.
+    if [second[(other + 1) % 3], second[(other + 2) % 3]] != [v_end, u_end] {
+        return None;
+    }
+    let (u, v) = (u_end - corner, v_end - corner);
+    let size = u.length().max(v.length());
+    let is_one = (second[other] - (u_end + v)).length() <= ONE_SURFACE * size && u.cross(v).length() > 0.0;
+    is_one.then_some(Parallelogram { corner, u, v })
+}
+
+fn in_world(surface: &Parallelogram, placed: &PlacedGeometry) -> Parallelogram {
+    placed.to_world.as_ref().map_or(*surface, |t| surface.transformed(t))
 }
 
 /// The corners of a triangle in the world, counter-clockwise seen from its outer side.
@@ -116,43 +159,157 @@ fn world_corners(corners: [Vec3; 3], to_world: Option<&Transform>) -> [Vec3; 3] 
     if t.matrix().matrix3.determinant() < 0.0 { [a, c, b] } else { [a, b, c] }
 }
 
+/// The factor by which a transform shrinks solid angles around a direction of its inner space: a unit direction w
+/// becomes M w, and dω grows by |det M| / |M w|³.
+fn solid_angle_ratio(to_world: &Transform, w: DVec3) -> f64 {
+    let length = to_world.vector(w).length();
+    length * length * length / to_world.matrix().matrix3.determinant().abs()
+}
+
 impl Emitter {
-    fn new(sampler: SurfaceSampler, similarity: Option<Box<[Transform; 2]>>, material: &Material) -> Emitter {
-        let scale = similarity.as_ref().and_then(|both| both[0].uniform_scale()).unwrap_or(1.0).abs();
-        let sides = if material.two_sided { 2.0 } else { 1.0 };
-        let own = material.phong().emission;
+    fn new(
+        world: &World,
+        sampler: SurfaceSampler,
+        place: Place,
+        of: [u32; 2],
+        primitives: u32,
+        material: u32,
+        radius: f64,
+    ) -> Emitter {
+        let description = &world.materials()[material as usize];
+        let [mut min, mut max] = sampler.bounds();
+        let (axis, cos) = sampler.normal_cone();
+        let mut normals = NormalCone { axis, angle: libm::acos(cos.clamp(-1.0, 1.0)) };
+        let mut area = sampler.area();
+        let moved;
+        let to_world = match &place {
+            Place::World => None,
+            Place::Still(to_world) => Some(&**to_world),
+            Place::Moving => {
+                moved = world.placed_geometry(of[0], 0.0).to_world;
+                moved.as_ref()
+            }
+        };
+        if let Some(t) = to_world {
+            let m = t.matrix().matrix3;
+            let (center, half) = (t.point(0.5 * (min + max)), 0.5 * (max - min));
+            let half = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
+            (min, max) = (center - half, center + half);
+            // About the area of a stretched surface.
+            let scale = libm::cbrt(m.determinant().abs());
+            area *= scale * scale;
+            normals = match t.uniform_scale() {
+                _ if normals.angle > 0.0 && t.uniform_scale().is_none() => NormalCone::ALL,
+                _ => NormalCone { axis: t.normal(normals.axis).normalize_or(DVec3::Z), ..normals },
+            };
+        }
+        if let Place::Moving = place {
+            let swept = world.placed_bounds(of[0]);
+            (min, max, normals) = (swept.min.as_dvec3(), swept.max.as_dvec3(), NormalCone::ALL);
+        }
+        let own = description.phong().emission;
         // A texture alone gives the emission: its colours are at most about white.
-        let radiance = if own.is_black() { Rgb::WHITE } else { own };
-        let power = (radiance * (PI * sampler.area() * scale * scale * sides) as f32).saturated();
-        Emitter { sampler, similarity, two_sided: material.two_sided, power }
+        let typical = if own.is_black() { Rgb::WHITE } else { own };
+        let attenuation = world.visible_light(material).map(|light| light.attenuation);
+        let mut point = MaterialPoint::default();
+        description.set(&mut point, None);
+        let mut emitter = Emitter {
+            sampler,
+            place,
+            of,
+            primitives,
+            radiance: description.textures.is_empty().then(|| seen_emission(&point, true)),
+            two_sided: description.two_sided,
+            attenuation: attenuation.filter(|coefficients| *coefficients != [1.0, 0.0, 0.0]),
+            bounds: ClusterBounds {
+                min,
+                max,
+                normals,
+                emission_angle: FRAC_PI_2,
+                two_sided: description.two_sided,
+                intensity: strength(typical) * area,
+            },
+        };
+        emitter.bounds.intensity /= f64::from(emitter.divisor(radius));
+        emitter
     }
 
-    /// The power that the surface emits.
-    pub(super) fn power(&self) -> Rgb {
-        self.power
+    /// The bounds of the emitted light. The intensity is that of a surface without textures.
+    pub(super) fn bounds(&self) -> ClusterBounds {
+        self.bounds
     }
 
-    /// The point at `u` of the unit square, as seen from `p`. None from behind, and edge-on.
-    pub(super) fn sample_from(&self, p: DVec3, u: [f64; 2]) -> Option<DVec3> {
-        let local = self.similarity.as_ref().map_or(p, |both| both[1].point(p));
-        let sample = self.sampler.sample_from(local, u)?;
-        if !self.two_sided && sample.normal.dot(local - sample.point) <= 0.0 {
+    /// Calls `f` with the transform from the sampler's space to the world's.
+    fn with_place<T>(&self, world: &World, time: f32, f: impl FnOnce(Option<&Transform>) -> T) -> T {
+        match &self.place {
+            Place::World => f(None),
+            Place::Still(to_world) => f(Some(to_world)),
+            Place::Moving => f(world.placed_geometry(self.of[0], time).to_world.as_ref()),
+        }
+    }
+
+    /// The light of the point at `u` of the unit square, as seen from `p`. None where no light leaves towards `p`.
+    pub(super) fn sample_from(&self, world: &World, time: f32, p: DVec3, u: [f64; 2]) -> Option<EmitterSample> {
+        let (point, pdf, outside) = self.with_place(world, time, |to_world| {
+            let local = to_world.map_or(p, |t| t.inverse().point(p));
+            let sample = self.sampler.sample_from(local, u)?;
+            let outside = sample.normal.dot(local - sample.point) > 0.0;
+            Some(match to_world {
+                None => (sample.point, sample.pdf, outside),
+                Some(t) => {
+                    let w = (sample.point - local).normalize();
+                    (t.point(sample.point), sample.pdf * solid_angle_ratio(t, w), outside)
+                }
+            })
+        })?;
+        if !(outside || self.two_sided) || !pdf.is_finite() {
             return None;
         }
-        Some(self.similarity.as_ref().map_or(sample.point, |both| both[0].point(sample.point)))
+        let radiance = match self.radiance {
+            Some(radiance) => radiance,
+            None => self.textured(world, time, p, point)?,
+        };
+        let radiance = radiance / self.divisor(p.distance(point));
+        (!radiance.is_black()).then_some(EmitterSample { point, radiance, pdf })
+    }
+
+    /// What the radiance is divided by at a distance.
+    fn divisor(&self, distance: f64) -> f32 {
+        self.attenuation.map_or(1.0, |coefficients| attenuation_divisor(coefficients, distance as f32))
+    }
+
+    /// The radiance that leaves a textured point towards `p`.
+    fn textured(&self, world: &World, time: f32, p: DVec3, point: DVec3) -> Option<Rgb> {
+        let line = DRay { origin: p, direction: point - p };
+        let ray = Ray::new(p.as_vec3(), line.direction.as_vec3());
+        let [number, first] = self.of;
+        let hits = (first..first + self.primitives)
+            .filter_map(|primitive| world.intersect_primitive(&ray, [number, primitive], time));
+        let hit = hits.min_by(|a, b| (a.t - 1.0).abs().total_cmp(&(b.t - 1.0).abs()))?;
+        let mut surface = world.surface(line, &hit);
+        let material = world.material(&hit);
+        let material = world.material_point(material, (line, &hit), &mut surface, None, &mut ());
+        Some(seen_emission(&material, line.direction.dot(surface.normal) < 0.0))
     }
 
     /// The density per unit of solid angle at `p` with which [`Emitter::sample_from`] returns a point of the surface
     /// with this unit normal.
-    pub(super) fn pdf_from(&self, p: DVec3, point: DVec3, normal: DVec3) -> f64 {
-        let pdf = match self.similarity.as_deref() {
+    pub(super) fn pdf_from(&self, world: &World, time: f32, p: DVec3, point: DVec3, normal: DVec3) -> f64 {
+        let pdf = self.with_place(world, time, |to_world| match to_world {
             None => self.sampler.pdf_from(p, point, normal),
-            // Solid angles are those of the sampler's space, since it is similar.
-            Some([_, to_local]) => {
-                let normal = to_local.vector(normal).normalize();
-                self.sampler.pdf_from(to_local.point(p), to_local.point(point), normal)
+            Some(t) => {
+                let [from, to] = [p, point].map(|p| t.inverse().point(p));
+                // Normals go the other way by the transpose.
+                let local = (t.matrix().matrix3.transpose() * normal).normalize();
+                self.sampler.pdf_from(from, to, local) * solid_angle_ratio(t, (to - from).normalize())
             }
-        };
+        });
         if pdf.is_finite() { pdf } else { 0.0 }
     }
+}
+
+/// The emission of what is there of a surface, under its overlay.
+pub(super) fn seen_emission(material: &MaterialPoint, outside: bool) -> Rgb {
+    let emission = material.emitted(outside);
+    if emission.is_black() { emission } else { emission * (material.coverage * (1.0 - material.overlay.1)) }
 }

@@ -1,13 +1,19 @@
-//! The choice of a light: one of the scene's lights, an emitting surface or the environment, by power.
+//! The choice of a light for a point: one of the scene's lights, an emitting surface or the environment, about by the
+//! light that arrives from it if nothing lies between.
+//!
+//! Sources come in groups: emitting surfaces, whose light falls off with the squared distance; lights of each
+//! attenuation; lights that are infinitely far; the environment. All but the last two have a [tree](super::light_tree).
+//! A point chooses a group first. Each group that can shine there keeps a share of the choices, since a bright one may
+//! be hidden.
 
 use super::emitter::Emitters;
+use super::light_tree::{ClusterBounds, Falloff, LightTree, NormalCone, Receiver};
 use crate::light::environment::EnvironmentDistribution;
-use crate::light::{Emission, PreparedLight};
+use crate::light::{Emission, LightBounds, PreparedLight, attenuation_divisor};
 use crate::math::Rgb;
-use crate::shape::{cumulative, pick_by_area};
 use crate::world::{Hit, World};
 use glam::DVec3;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A source of light that can be sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,117 +26,227 @@ pub(super) enum Source {
     Environment,
 }
 
-/// All sources of light, each chosen with a probability in proportion to its power.
+/// The most trees. Lights of further attenuations share the last one.
+const TREES: usize = 8;
+
+/// The most groups of sources: trees, infinitely far lights, and the environment.
+const GROUPS: usize = TREES + 2;
+
+/// The place of the infinitely far lights and of the environment among the groups.
+const FAR: usize = TREES;
+const ENVIRONMENT: usize = TREES + 1;
+
+/// The share of choices that are even among the groups that can shine on a point.
+const EVEN: f64 = 0.1;
+
+/// A tree with the sources at its leaves.
+#[derive(Debug)]
+struct SourceTree {
+    tree: LightTree,
+    sources: Vec<Source>,
+}
+
+/// All sources of light.
 #[derive(Debug)]
 pub(super) struct LightSampler {
-    sources: Vec<Source>,
-    /// The cumulative sums of the sources' powers.
-    sums: Vec<f64>,
+    /// The emitting surfaces come first, in the order of the emitters.
+    trees: Vec<SourceTree>,
+    /// Infinitely far lights, with the irradiance of a surface that faces them.
+    far: Vec<(u32, f64)>,
     pub(super) emitters: Emitters,
-    /// The first source that is an emitter.
-    first_emitter: usize,
     pub(super) environment: Option<EnvironmentDistribution>,
-    /// The source that is the environment.
-    environment_source: Option<usize>,
-    /// Whether visible matte lights are sources by their emitting surfaces instead of by themselves.
-    visible_lights_are_emitters: bool,
+    /// The irradiance by the environment.
+    environment_strength: f64,
+    /// The only group, which is chosen without a look at it.
+    only_group: Option<usize>,
+    /// The only source, too.
+    only: Option<Source>,
 }
 
-/// The power by which a light is chosen, in a scene of this radius. A light without a matte surface is as bright from
-/// near as from afar, but for its attenuation. It counts as one from infinity does, so that the unit of length changes
-/// no choice.
-fn importance(light: &PreparedLight, radius: f64) -> Rgb {
-    if light.light.emission == Emission::Matte {
-        return light.power(radius);
+/// What stands for a colour in the choice of a light.
+pub(super) fn strength(color: Rgb) -> f64 {
+    color.to_array().map(f64::from).iter().sum()
+}
+
+/// Whether the material shows a light that is a source by itself: one of even emission, or without shadows.
+fn is_only_seen(world: &World, material: u32) -> bool {
+    world.visible_light(material).is_some_and(|light| !light.is_emitter)
+}
+
+/// The bounds of a light's emission; none if it is infinitely far.
+fn bounds(world: &World, index: u32, light: &PreparedLight, radius: f64) -> Option<ClusterBounds> {
+    let LightBounds { bounds: [mut min, mut max], axis, cos_theta_o, cos_theta_e, .. } = light.bounds()?;
+    let mut normals = NormalCone { axis, angle: libm::acos(cos_theta_o.clamp(-1.0, 1.0)) };
+    if let Some(swept) = world.moving_light_bounds(index) {
+        (min, max, normals) = (swept.min.as_dvec3(), swept.max.as_dvec3(), NormalCone::ALL);
     }
-    let intensity = light.point_intensity() * light.points() as f32;
-    intensity * (PI * PI * radius * radius) as f32 / light.attenuation_divisor(radius as f32)
-}
-
-/// [`LightSampler::is_only_seen`], for lights that are sources by their surfaces or not. A surface of even emission
-/// emits from both sides and is never a source.
-fn is_only_seen(world: &World, material: u32, visible_lights_are_emitters: bool) -> bool {
-    let is_even = || world.materials()[material as usize].two_sided;
-    world.is_of_light(material) && (!visible_lights_are_emitters || is_even())
+    let whole = strength(light.point_intensity() * light.points() as f32);
+    let intensity = match light.matte_area() {
+        Some(area) => whole * area / f64::from(light.attenuation_divisor(radius as f32)),
+        None => PI * whole,
+    };
+    let emission_angle = match light.matte_area() {
+        Some(_) => FRAC_PI_2,
+        None => libm::acos(cos_theta_e.clamp(-1.0, 1.0)),
+    };
+    Some(ClusterBounds { min, max, normals, emission_angle, two_sided: false, intensity })
 }
 
 impl LightSampler {
     pub(super) fn new(world: &World) -> LightSampler {
-        // An attenuated light isn't as bright from afar as its surface looks.
-        let is_plain = |light: &PreparedLight| light.light.attenuation == [1.0, 0.0, 0.0];
-        let visible = || world.lights.iter().filter(|light| light.light.visible);
-        let visible_lights_are_emitters = !world.lights_move() && visible().all(is_plain);
-        let is_emitter = |light: &PreparedLight| {
-            visible_lights_are_emitters && light.light.visible && light.light.emission == Emission::Matte
-        };
-        let emitters = Emitters::new(world, |material| !is_only_seen(world, material, visible_lights_are_emitters));
+        let scene = world.local_bounds();
+        let radius = if scene.is_empty() { 1.0 } else { 0.5 * f64::from((scene.max - scene.min).length()) };
+        let emitters = Emitters::new(world, radius, |material| !is_only_seen(world, material));
         let environment = world.environment.as_ref().and_then(EnvironmentDistribution::new);
-        let bounds = world.local_bounds();
-        let radius = if bounds.is_empty() { 1.0 } else { 0.5 * f64::from((bounds.max - bounds.min).length()) };
-        let (mut sources, mut powers) = (Vec::new(), Vec::new());
-        let mut push = |source: Source, power: Rgb| {
-            let power: f64 = power.to_array().map(f64::from).iter().sum();
-            if power > 0.0 {
-                sources.push(source);
-                powers.push(power);
+        // The divisor of each tree, the bounds of its lights, and whether these emit by the cosine.
+        let mut groups: Vec<(Option<[f32; 3]>, Vec<(Source, ClusterBounds)>)> = vec![(None, Vec::new())];
+        groups[0].1.extend((0..).zip(&emitters.all).map(|(i, emitter)| (Source::Emitter(i), emitter.bounds())));
+        let mut far = Vec::new();
+        for (i, light) in (0..).zip(&world.lights) {
+            let by_surface = light.light.emission == Emission::Matte && light.light.has_area();
+            let whole = strength(light.point_intensity() * light.points() as f32);
+            let is_source = whole > 0.0 && !(by_surface && light.light.visible && light.light.shadows);
+            if !is_source {
+                continue;
+            }
+            let Some(bounds) = bounds(world, i, light, radius) else {
+                far.push((i, PI * whole));
+                continue;
+            };
+            let key = (!by_surface).then_some(light.light.attenuation);
+            let place = groups.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
+                if groups.len() < TREES {
+                    groups.push((key, Vec::new()));
+                }
+                groups.len() - 1
+            });
+            if bounds.intensity > 0.0 {
+                groups[place].1.push((Source::Light(i), bounds));
+            }
+        }
+        let trees: Vec<SourceTree> = groups
+            .into_iter()
+            .map(|(key, lights)| {
+                let (sources, bounds): (Vec<Source>, Vec<ClusterBounds>) = lights.into_iter().unzip();
+                let falloff = Falloff(key.unwrap_or([0.0, 0.0, 1.0]));
+                SourceTree { tree: LightTree::new(&bounds, falloff, key.is_none()), sources }
+            })
+            .collect();
+        let environment_strength = environment.as_ref().map_or(0.0, |e| PI * strength(e.mean()));
+        let mut counts = [0; GROUPS];
+        counts.iter_mut().zip(&trees).for_each(|(count, tree)| *count = tree.sources.len());
+        counts[FAR] = far.len();
+        counts[ENVIRONMENT] = usize::from(environment.is_some());
+        let mut present = (0..GROUPS).filter(|group| counts[*group] > 0);
+        let only_group = present.next().filter(|_| present.next().is_none());
+        let only = only_group.filter(|group| counts[*group] == 1).map(|group| match group {
+            FAR => Source::Light(far[0].0),
+            ENVIRONMENT => Source::Environment,
+            _ => trees[group].sources[0],
+        });
+        LightSampler { trees, far, emitters, environment, environment_strength, only_group, only }
+    }
+
+    /// The cosine of a light that is infinitely far. `direction` leads to it.
+    fn cosine(to: &Receiver, direction: DVec3) -> f64 {
+        let cos = to.normal.dot(direction);
+        let cos = if to.two_sided { cos.abs() } else { cos };
+        cos.max(to.least_cosine())
+    }
+
+    /// The probability of each group for a point.
+    fn groups(&self, world: &World, to: &Receiver) -> [f64; GROUPS] {
+        let mut weights = [0.0; GROUPS];
+        if let Some(only) = self.only_group {
+            weights[only] = 1.0;
+            return weights;
+        }
+        for (weight, tree) in weights.iter_mut().zip(&self.trees) {
+            *weight = tree.tree.importance(to);
+        }
+        let far = |(light, strength): &(u32, f64)| strength * Self::cosine(to, world.lights[*light as usize].towards());
+        weights[FAR] = self.far.iter().map(far).sum();
+        weights[ENVIRONMENT] = self.environment_strength;
+        let total: f64 = weights.iter().sum();
+        let count = weights.iter().filter(|weight| **weight > 0.0).count() as f64;
+        if total.is_nan() || total <= 0.0 || total.is_infinite() {
+            return [0.0; GROUPS];
+        }
+        weights.map(|weight| if weight > 0.0 { (1.0 - EVEN) * weight / total + EVEN / count } else { 0.0 })
+    }
+
+    /// A source that `u` of [0, 1) chooses for a point, with its probability.
+    pub(super) fn sample(&self, world: &World, to: &Receiver, u: f64) -> Option<(Source, f64)> {
+        if let Some(only) = self.only {
+            return Some((only, 1.0));
+        }
+        let groups = self.groups(world, to);
+        let mut rest = u;
+        let last = groups.iter().rposition(|probability| *probability > 0.0)?;
+        let group = (0..last).find(|group| {
+            let is_here = rest < groups[*group];
+            rest -= if is_here { 0.0 } else { groups[*group] };
+            is_here
+        });
+        let group = group.unwrap_or(last);
+        let u = (rest / groups[group]).clamp(0.0, 1.0 - f64::EPSILON);
+        let (source, probability) = match group {
+            FAR => self.sample_far(world, to, u)?,
+            ENVIRONMENT => (Source::Environment, 1.0),
+            _ => {
+                let (light, probability) = self.trees[group].tree.sample(to, u)?;
+                (self.trees[group].sources[light as usize], probability)
             }
         };
-        for (i, light) in (0..).zip(&world.lights).filter(|(_, light)| !is_emitter(light)) {
-            push(Source::Light(i), importance(light, radius));
-        }
-        if let Some(environment) = &environment {
-            push(Source::Environment, environment.mean() * (4.0 * PI * PI * radius * radius) as f32);
-        }
-        for (i, emitter) in (0..).zip(&emitters.all) {
-            push(Source::Emitter(i), emitter.power());
-        }
-        let first_emitter = sources.iter().take_while(|source| !matches!(source, Source::Emitter(_))).count();
-        LightSampler {
-            sums: cumulative(powers.into_iter()).collect(),
-            environment_source: sources.iter().position(|source| *source == Source::Environment),
-            sources,
-            emitters,
-            first_emitter,
-            environment,
-            visible_lights_are_emitters,
-        }
+        Some((source, probability * groups[group]))
     }
 
-    /// A source that `u` of [0, 1) chooses, with its probability.
-    pub(super) fn sample(&self, u: f64) -> Option<(Source, f64)> {
-        if self.sources.is_empty() {
-            return None;
-        }
-        let (index, _) = pick_by_area(u, &self.sums);
-        Some((self.sources[index], self.probability(index)))
-    }
-
-    fn probability(&self, index: usize) -> f64 {
-        let before = if index == 0 { 0.0 } else { self.sums[index - 1] };
-        (self.sums[index] - before) / self.sums[self.sums.len() - 1]
-    }
-
-    /// The density with which directions of sampled lights lead from `p` to a hit with this point and unit normal.
-    pub(super) fn pdf_of_hit(&self, world: &World, p: DVec3, hit: &Hit, point: DVec3, normal: DVec3) -> f64 {
-        let Some(emitter) = self.emitters.of_hit(world, hit) else { return 0.0 };
-        let source = self.sources[self.first_emitter..].binary_search_by_key(&emitter, |source| match source {
-            Source::Emitter(number) => *number,
-            Source::Light(_) | Source::Environment => 0,
+    fn sample_far(&self, world: &World, to: &Receiver, u: f64) -> Option<(Source, f64)> {
+        let weight =
+            |(light, strength): &(u32, f64)| strength * Self::cosine(to, world.lights[*light as usize].towards());
+        let total: f64 = self.far.iter().map(weight).sum();
+        let mut rest = u * total;
+        let last = self.far.len().checked_sub(1)?;
+        let chosen = (0..last).find(|i| {
+            let weight = weight(&self.far[*i]);
+            let is_here = rest < weight;
+            rest -= weight;
+            is_here
         });
-        source.map_or(0.0, |index| {
-            let pdf = self.emitters.all[emitter as usize].pdf_from(p, point, normal);
-            pdf * self.probability(self.first_emitter + index)
-        })
+        let far = &self.far[chosen.unwrap_or(last)];
+        Some((Source::Light(far.0), weight(far) / total))
+    }
+
+    /// The density with which directions of sampled lights lead from a point to a hit with this point and unit normal.
+    pub(super) fn pdf_of_hit(&self, world: &World, to: &Receiver, hit: &Hit, point: DVec3, normal: DVec3) -> f64 {
+        let Some(emitter) = self.emitters.of_hit(hit) else { return 0.0 };
+        let pdf = self.emitters.all[emitter as usize].pdf_from(world, hit.time, to.point, point, normal);
+        if pdf > 0.0 { pdf * self.probability_of_emitter(world, to, emitter) } else { 0.0 }
+    }
+
+    /// The probability with which a point chooses an emitter.
+    pub(super) fn probability_of_emitter(&self, world: &World, to: &Receiver, emitter: u32) -> f64 {
+        if self.only.is_some() {
+            return 1.0;
+        }
+        // Emitters are the first leaves of the first tree.
+        self.groups(world, to)[0] * self.trees[0].tree.probability(to, emitter)
     }
 
     /// The density with which a direction is sampled for the light of the environment.
-    pub(super) fn pdf_of_environment(&self, direction: DVec3) -> f64 {
-        let both = self.environment.as_ref().zip(self.environment_source);
-        both.map_or(0.0, |(environment, source)| environment.pdf(direction) * self.probability(source))
+    pub(super) fn pdf_of_environment(&self, world: &World, to: &Receiver, direction: DVec3) -> f64 {
+        let Some(environment) = &self.environment else { return 0.0 };
+        let chosen = if self.only.is_some() { 1.0 } else { self.groups(world, to)[ENVIRONMENT] };
+        environment.pdf(direction) * chosen
     }
 
-    /// Whether the material shows a light that is a source by itself, so that its surface adds nothing to what is lit.
-    pub(super) fn is_only_seen(&self, world: &World, material: u32) -> bool {
-        is_only_seen(world, material, self.visible_lights_are_emitters)
+    /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light. None if the
+    /// surface shows a light that is a source by itself, so that it adds nothing to what is lit.
+    pub(super) fn lit(&self, world: &World, hit: &Hit, emission: Rgb, distance: f64) -> Option<Rgb> {
+        match world.visible_light(world.material_index(hit)) {
+            None => Some(emission),
+            Some(light) if light.is_emitter => Some(emission / attenuation_divisor(light.attenuation, distance as f32)),
+            Some(_) => None,
+        }
     }
 }

@@ -12,7 +12,10 @@
 
 mod direct;
 mod emitter;
+#[cfg(test)]
+mod emitter_tests;
 mod light_sampler;
+mod light_tree;
 mod see_through;
 #[cfg(test)]
 mod see_through_tests;

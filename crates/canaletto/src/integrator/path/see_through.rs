@@ -12,14 +12,6 @@ use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::math::Rgb;
 
-/// The ends of a shadow ray.
-enum Seen {
-    /// What is left of the light of a light or of the environment.
-    Source(Rgb),
-    /// The surface of the sampled emitter, and what is left of its light.
-    Emitter(Box<VisibleHit>, Rgb),
-}
-
 /// A smaller share of a light counts as zero.
 const LEAST_PASSED: f32 = 1.0 / (1u64 << 40) as f32;
 
@@ -27,25 +19,18 @@ impl PathTracer<'_> {
     /// The light that a surface sends back of a sampled source, past all that lets it pass.
     pub(super) fn light_through(&mut self, shadow: &ShadowRay) -> Rgb {
         if shadow.t_max < 0.0 {
-            return shadow.factor;
+            return shadow.light;
         }
         let mark = self.media.mark();
         let seen = self.see(shadow);
         self.media.release(mark);
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(seen.is_none());
-        let light = match seen {
-            None => Rgb::BLACK,
-            Some(Seen::Source(passed)) => shadow.factor * passed,
-            Some(Seen::Emitter(met, passed)) => {
-                self.light_of_surface(shadow, &met.hit, &met.surface, &met.material) * passed
-            }
-        };
-        light.saturated()
+        seen.map_or(Rgb::BLACK, |passed| (shadow.light * passed).saturated())
     }
 
-    /// What a shadow ray sees of its source; none if something hides it.
-    fn see(&mut self, shadow: &ShadowRay) -> Option<Seen> {
+    /// What is left of the light of a shadow ray's source; none if something hides it.
+    fn see(&mut self, shadow: &ShadowRay) -> Option<Rgb> {
         let point = shadow.t_max.is_finite().then(|| shadow.line.origin + shadow.line.direction);
         let is_light = matches!(shadow.source, Source::Light(_));
         let (mut line, mut ray, mut inside) = (shadow.line, shadow.ray, shadow.inside);
@@ -55,7 +40,7 @@ impl PathTracer<'_> {
             let arriving = (line, ray, found, None);
             let met = visible_hit(self.world, &mut self.media, arriving, inside, self.time, &mut ());
             let Some(met) = met else {
-                return (point.is_none() || is_light).then_some(Seen::Source(passed));
+                return (point.is_none() || is_light).then_some(passed);
             };
             let frame = Frame::new(line.direction, &met.surface);
             let distance = line.origin.distance(frame.exact);
@@ -64,14 +49,14 @@ impl PathTracer<'_> {
                 passed = passed * medium.transmittance(distance.min(left));
             }
             if is_light && distance >= left * f64::from(BEFORE_LIGHT) {
-                return Some(Seen::Source(passed));
+                return Some(passed);
             }
             if let Source::Emitter(number) = shadow.source
                 && distance > left * f64::from(2.0 - PAST_EMITTER)
             {
-                let is_it = self.lights.emitters.of_hit(self.world, &met.hit) == Some(number)
-                    && distance < left * f64::from(PAST_EMITTER);
-                return is_it.then(|| Seen::Emitter(Box::new(met), passed));
+                let is_it =
+                    self.lights.emitters.of_hit(&met.hit) == Some(number) && distance < left * f64::from(PAST_EMITTER);
+                return is_it.then_some(passed);
             }
             inside = self.pass(&met, frame, is_light, &mut passed)?;
             if passed.max_component() < LEAST_PASSED {

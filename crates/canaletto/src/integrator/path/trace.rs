@@ -2,6 +2,8 @@
 
 use super::PathTracer;
 use super::direct::{ShadowRay, weight};
+use super::emitter::seen_emission;
+use super::light_tree::Receiver;
 use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
@@ -47,7 +49,7 @@ struct Segment {
     inside: [u32; 2],
     /// The point where it was scattered last, with the density of its direction there. None from the eye, and after a
     /// mirror or a refraction, which no light is sampled for.
-    scattered: Option<(DVec3, f64)>,
+    scattered: Option<(Receiver, f64)>,
     /// Whether it has passed surfaces since then.
     passed: bool,
     kind: Kind,
@@ -155,6 +157,16 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(surface) => surface.frame.exact,
             Vertex::Medium(medium) => medium.position,
+        }
+    }
+
+    /// The point as lights see it.
+    pub(super) fn receiver(&self) -> Receiver {
+        match self {
+            Vertex::Surface(SurfaceVertex { frame, crossing, .. }) => {
+                Receiver { point: frame.exact, normal: frame.normal, two_sided: crossing.is_some() }
+            }
+            Vertex::Medium(medium) => Receiver::in_medium(medium.position),
         }
     }
 
@@ -374,8 +386,8 @@ impl PathTracer<'_> {
             line,
             differential: None,
             inside,
-            scattered: (!scattered.is_delta).then_some((vertex.position(), scattered.pdf)),
             passed: false,
+            scattered: (!scattered.is_delta).then(|| (vertex.receiver(), scattered.pdf)),
             kind: Kind::Scattered(scattered.lobe),
         };
         path.depth += 1;
@@ -410,12 +422,14 @@ impl PathTracer<'_> {
         let Some(environment) = &self.world.environment else { return self.world.background };
         let direction = segment.line.direction;
         let footprint = segment.differential.as_ref().map_or([DVec3::ZERO; 2], |d| d.direction);
-        let Some((_, pdf)) = segment.scattered else { return environment.lookup(direction, footprint).radiance };
+        let Some((from, pdf)) = &segment.scattered else {
+            return environment.lookup(direction, footprint).radiance;
+        };
         let radiance = environment.radiance_without_sun(direction, footprint);
         if !is_direct {
             return radiance;
         }
-        radiance * weight(pdf, self.lights.pdf_of_environment(direction.normalize()))
+        radiance * weight(*pdf, self.lights.pdf_of_environment(self.world, from, direction.normalize()))
     }
 
     /// The light that a surface emits towards the ray that hits it, with its weight. `is_direct` tells that a shadow
@@ -425,14 +439,14 @@ impl PathTracer<'_> {
         if emission.is_black() {
             return emission;
         }
-        let Some((from, pdf)) = segment.scattered else { return emission };
-        if self.lights.is_only_seen(self.world, self.world.material_index(hit)) {
+        let Some((from, pdf)) = &segment.scattered else { return emission };
+        let Some(emission) = self.lights.lit(self.world, hit, emission, from.point.distance(frame.exact)) else {
             return Rgb::BLACK;
-        }
+        };
         if !is_direct {
             return emission;
         }
-        emission * weight(pdf, self.lights.pdf_of_hit(self.world, from, hit, frame.exact, frame.outer))
+        emission * weight(*pdf, self.lights.pdf_of_hit(self.world, from, hit, frame.exact, frame.outer))
     }
 
     /// The scattering at a surface.
@@ -472,10 +486,4 @@ impl PathTracer<'_> {
         let back = self.media.crossing(met.crossing).map_or(NONE, |crossing| crossing.back);
         Some([self.inside_before(met, frame.outside), back])
     }
-}
-
-/// The emission of what is there of a surface, under its overlay.
-pub(super) fn seen_emission(material: &MaterialPoint, outside: bool) -> Rgb {
-    let emission = material.emitted(outside);
-    if emission.is_black() { emission } else { emission * (material.coverage * (1.0 - material.overlay.1)) }
 }
