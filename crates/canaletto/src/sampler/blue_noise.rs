@@ -145,7 +145,7 @@ mod tests {
                 "{samples} samples: error {:.4} and {:.4}, blurred {:.5} and {:.5}",
                 blue[0], white[0], blue[1], white[1]
             );
-            assert!(blue[0] < 1.15 * white[0], "{samples}: {blue:?} {white:?}");
+            assert!(blue[0] < 1.3 * white[0], "{samples}: {blue:?} {white:?}");
             assert!(blue[1] < 0.8 * white[1], "{samples}: {blue:?} {white:?}");
         }
     }
