@@ -341,6 +341,27 @@ const ROUND: &str = r#"
     light "omni" { position 3 5 3; intensity 1 1 1 }
 "#;
 
+const PATHS: &str = r#"
+    camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
+    film { samples 32 }
+    integrator "path" { max-depth 6 }
+    background 0.2
+    material "floor" { kd 0.7 0.6 0.5 }
+    material "lamp" { kd 0.2; emission 9 8 6 }
+    material "fog" { medium { absorption 0.1; scattering 0.9; anisotropy 0.3 } }
+    material "glass" { dielectric 1.5; absorption 0.2 0.1 0.4 }
+    material "gold" { conductor "gold"; roughness 0.3 }
+    material "veil" { kd 0.5; coverage 0.5 }
+    disk name="floor" material="floor" { center 0 0 0; normal 0 1 0; radius 8 }
+    disk name="lamp" material="lamp" { center 0 3 0; normal 0 -1 0; radius 0.8 }
+    sphere name="fog" material="fog" { center 0 0.6 0; radius 0.6 }
+    sphere name="glass" material="glass" { center -1.2 0.5 0; radius 0.5 }
+    sphere name="gold" material="gold" { center 1.2 0.5 0; radius 0.5 }
+    disk name="veil" material="veil" { center 0 0.6 2; normal 0 0 1; radius 0.4 }
+    light "omni" name="bulb" { position 2 2 2; intensity 0.5 0.5 0.5 }
+    light "directional" name="sun" { direction 0.2 -1 -0.4; intensity 0.5 0.5 0.5 }
+"#;
+
 const MIXED: &str = r#"
     camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
     film { sample "center" }
@@ -388,7 +409,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 37] = [
+const EXPLAINED: [&str; 42] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -426,6 +447,11 @@ const EXPLAINED: [&str; 37] = [
     "field.kdl --ray 0,3,6,0,-3,-3 --diff-seed 3 --diff-frame 2",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
+    "paths.kdl -p 20,15",
+    "mixed.kdl -p 24,16 --integrator path --samples 16",
+    "ROOT/scenes/motion-blur.kdl -p 150,100 --integrator path --samples 4",
+    "ROOT/scenes/depth-of-field.kdl -p 150,100 --integrator path --samples 4",
+    "ROOT/scenes/chapter/fig-5.33a-replace.kdl -p 110,100 --integrator path --samples 2",
 ];
 
 /// Fields that only trees of very many patches, places, sources or objects have, or lights behind a bent normal.
@@ -445,7 +471,9 @@ fn json_has_the_schema_of_the_docs() {
         serde_json::from_slice(&std::fs::read(root().join("docs/explain.schema.json")).unwrap()).unwrap();
     let schema = Schema { definitions: &schema["$defs"] };
     let folder = tempfile::tempdir().unwrap();
-    for (name, text) in [("mixed.kdl", MIXED), ("room.kdl", ROOM), ("field.kdl", FIELD), ("round.kdl", ROUND)] {
+    for (name, text) in
+        [("mixed.kdl", MIXED), ("room.kdl", ROOM), ("field.kdl", FIELD), ("round.kdl", ROUND), ("paths.kdl", PATHS)]
+    {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     for name in ["leaf.png", "globe.png", "wrinkles.png"] {
@@ -458,6 +486,7 @@ fn json_has_the_schema_of_the_docs() {
         let kind = match &value {
             _ if value.get("compared").is_some() => "difference",
             _ if value.get("ray").is_some() => "rayTree",
+            _ if value["samples"][0].get("rays").is_some() => "pathTree",
             _ => "pixelTree",
         };
         schema
@@ -582,5 +611,44 @@ impl Schema<'_> {
             }
         }
         Ok(())
+    }
+}
+
+/// A path's contributions make its light, `--brightest` chooses the path that adds most, and `--sample` any other.
+#[test]
+fn paths_are_chosen_and_add_up() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("paths.kdl"), PATHS).unwrap();
+    let value: Value = serde_json::from_str(&explained(folder.path(), "paths.kdl -p 12,20 --json")).unwrap();
+    assert_eq!(value["sum"], value["color"]);
+    let samples = value["samples"].as_array().unwrap();
+    assert_eq!(samples.len(), 32);
+    let mut brightest = (0.0, 0);
+    for sample in samples {
+        let steps = sample["rays"].as_array().unwrap().iter().flat_map(|ray| ray["steps"].as_array().unwrap());
+        let kinds = ["found", "overlay", "sampled"];
+        let contributions = steps.filter_map(|step| kinds.iter().find_map(|kind| step.get(kind)));
+        let sum = contributions.map(|step| number(&step["contribution"][1])).sum::<f64>();
+        let light = number(&sample["color"][1]);
+        assert!((sum - light).abs() <= 1e-5 * light.max(1.0), "{sum}, {light}");
+        let luminance = dot(vector(&sample["color"]), [0.2126, 0.7152, 0.0722]) * number(&sample["weight"]);
+        if luminance > brightest.0 {
+            brightest = (luminance, sample["number"].as_u64().unwrap());
+        }
+    }
+    let heading = |number: u64| format!("\npath {number} of 32, weight ");
+    let text = explained(folder.path(), "paths.kdl -p 12,20 --brightest");
+    assert!(text.contains(&heading(brightest.1)), "{text}");
+    assert!(explained(folder.path(), "paths.kdl -p 12,20 --sample 7").contains(&heading(7)));
+    for (arguments, problem) in [
+        ("paths.kdl -p 12,20 --sample 33", "32 samples"),
+        ("paths.kdl -p 12,20 --steps", "--integrator whitted"),
+        ("paths.kdl -p 12,20 --diff-pixel 1,1", "--integrator whitted"),
+        ("paths.kdl --ray 0,1,6,0,0,-1", "--integrator whitted"),
+        ("paths.kdl -p 12,20 --integrator whitted --brightest", "--integrator path"),
+    ] {
+        let output = run(folder.path(), &format!("explain {arguments}"));
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && message.contains(problem), "{arguments}: {message}");
     }
 }

@@ -10,18 +10,22 @@ use crate::output::{replaced, write_file};
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
-use canaletto::integrator::radiosity::{Measurement, SolutionFingerprint};
+use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
+use canaletto::integrator::{Measurement, PathMeter};
 use canaletto::render::Observer;
+use canaletto::scene::Integrator;
 use clap::Args;
 use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Measures the light that arrives at points: irradiance and illuminance, with their standard errors.
 ///
-/// The light of the scene is solved by radiosity, with the settings of the scene if its integrator is "radiosity". Rays
-/// from each point then find what arrives. Each line of the points' file holds a place and a direction, x y z nx ny nz,
+/// Random paths from each point find what arrives, if the scene's integrator is "path" or with --integrator path.
+/// Otherwise the light of the scene is solved by radiosity, with the settings of the scene if its integrator is
+/// "radiosity", and rays from each point find that. Each line of the points' file holds a place and a direction, x y z nx ny nz,
 /// with commas or blanks between them; the first line may hold their names.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
@@ -37,10 +41,14 @@ pub(crate) struct MeasureFlags {
     #[arg(short, long, value_name = "FILE", default_value = "-", help_heading = "Output")]
     pub output: PathBuf,
 
+    /// Sets how light is found [default: path if the scene's integrator is that, or else radiosity]
+    #[arg(long, value_enum, value_name = "NAME", help_heading = "Sampling")]
+    pub integrator: Option<Method>,
+
     #[command(flatten)]
     pub solution: GivenSolutionFlags,
 
-    /// Sets the number of rays from each point
+    /// Sets the number of rays or paths from each point
     #[arg(long, value_name = "N", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(16..=16_777_216), help_heading = "Sampling")]
     pub rays: u32,
@@ -58,6 +66,15 @@ pub(crate) struct MeasureFlags {
     pub quiet: bool,
 }
 
+/// How light is found.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Method {
+    /// By radiosity, between matte surfaces
+    Radiosity,
+    /// By paths, off all surfaces
+    Path,
+}
+
 const EXAMPLES: &str = "\
 The output has the columns x y z nx ny nz, then the irradiance in red, green and
 blue, the illuminance, and the standard errors of all four. The illuminance is the
@@ -67,7 +84,14 @@ Examples:
   canaletto measure scenes/cornell-box.kdl --points desk.csv -o desk-light.csv
   printf '2.78 1 2.8  0 1 0\\n' | canaletto measure scenes/cornell-box.kdl --points -
   canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384
+  canaletto measure scenes/cornell-box.kdl --points desk.csv --integrator path
   canaletto measure scenes/cornell-box.kdl --points desk.csv --solution cornell.rad";
+
+/// What measures.
+enum Meter<'w> {
+    Paths(PathMeter<'w>),
+    Radiosity(Arc<RadiositySolution>),
+}
 
 /// The header of the output.
 const HEADER: &str = "x,y,z,nx,ny,nz,irradiance_r,irradiance_g,irradiance_b,illuminance,\
@@ -104,19 +128,35 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if let Some(file) = input {
         return Err(replaced("--output", &file));
     }
+    let path_settings = match source.scene.integrator {
+        Integrator::Path(settings) => Some(settings),
+        _ => None,
+    };
+    let method = flags.integrator.unwrap_or(if path_settings.is_some() { Method::Path } else { Method::Radiosity });
+    if method == Method::Path && flags.solution.solution.is_some() {
+        return Err(Failure::usage("--solution is of radiosity; with --integrator path no solution is used"));
+    }
     let settings = source.scene.integrator.radiosity().copied().unwrap_or_default();
     let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
     let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
-    solutions.check(&fingerprint)?;
+    if method == Method::Radiosity {
+        solutions.check(&fingerprint)?;
+    }
     let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
     let _measuring = interrupt::Rendering;
     interrupt::Rendering::begins();
-    let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
-    let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
-    if !flags.quiet {
-        let warnings: Vec<String> = solution.warning(&settings).into_iter().collect();
-        print_diagnostics(&shortfalls(&source.name, &warnings), false);
-    }
+    let meter = match method {
+        Method::Path => Meter::Paths(PathMeter::new(&world, path_settings.unwrap_or_default())),
+        Method::Radiosity => {
+            let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
+            let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
+            if !flags.quiet {
+                let warnings: Vec<String> = solution.warning(&settings).into_iter().collect();
+                print_diagnostics(&shortfalls(&source.name, &warnings), false);
+            }
+            Meter::Radiosity(solution)
+        }
+    };
     let mut text = String::from(HEADER);
     let mut done = 0;
     for chunk in points.chunks(CHUNK) {
@@ -129,7 +169,11 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
             .enumerate()
             .map(|(i, (point, normal))| {
                 let place = (*point - world.origin(), *normal);
-                solution.measure(&world, place, flags.rays, (flags.seed, (first + i) as u32))
+                let numbers = (flags.seed, (first + i) as u32);
+                match &meter {
+                    Meter::Paths(meter) => meter.measure(place, flags.rays, numbers),
+                    Meter::Radiosity(solution) => solution.measure(&world, place, flags.rays, numbers),
+                }
             })
             .collect();
         for ((point, normal), measurement) in chunk.iter().zip(&measured) {
@@ -141,12 +185,14 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if !flags.quiet {
         let place =
             if flags.output == Path::new("-") { String::new() } else { format!("{}: ", flags.output.display()) };
-        let (points, patches) = (plural(done as u64, "point"), count(solution.patches().len() as u64));
-        eprint_line(&format!(
-            "{place}{points}, {} rays each, {patches} patches, {}",
-            flags.rays,
-            duration(begun.elapsed())
-        ));
+        let points = plural(done as u64, "point");
+        let how = match &meter {
+            Meter::Paths(_) => format!("{} paths each", flags.rays),
+            Meter::Radiosity(solution) => {
+                format!("{} rays each, {} patches", flags.rays, count(solution.patches().len() as u64))
+            }
+        };
+        eprint_line(&format!("{place}{points}, {how}, {}", duration(begun.elapsed())));
     }
     if done < points.len() {
         eprint_line(&format!("stopped: {} of {} points were measured", done, points.len()));

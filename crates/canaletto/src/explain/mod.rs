@@ -15,6 +15,7 @@ mod page;
 mod patch;
 mod patch_terms;
 mod patch_text;
+mod path;
 mod prepared;
 mod raster_text;
 mod ray_text;
@@ -38,6 +39,7 @@ pub use patch::{
     CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, RadiosityTerms, SourceKind,
     SourceNode,
 };
+pub use path::{Arrival, ArrivalSurface, PathRay, PathSample, PathStep, PathTree, SampledNode};
 pub use ray_tree::RayTree;
 pub use steps::{CameraSteps, HitSteps, LightSteps, RaySteps, RefractionSteps};
 pub use text_writer::TextStyle;
@@ -79,6 +81,9 @@ pub enum ExplainError {
     /// The ray has no direction, or starts nowhere.
     #[error("the ray needs a finite origin and a direction that has a length")]
     Direction,
+    /// The integrator traces no paths.
+    #[error("the integrator traces no paths; \"path\" does")]
+    NoPaths,
     /// A rasteriser traces no rays.
     #[error("a z-buffer traces no rays; the integrator \"whitted\" does")]
     NoRays,
@@ -140,6 +145,21 @@ impl<'a> Explainer<'a> {
         self.with_worker([x, y], |worker| worker.listing_rivals().pixel([x, y]))
     }
 
+    /// Explains the paths of a pixel of path tracing.
+    ///
+    /// # Errors
+    /// As [`Explainer::pixel`], and [`ExplainError::NoPaths`] for another integrator.
+    pub fn paths(&self, x: u32, y: u32) -> Result<PathTree, ExplainError> {
+        let [width, height] = self.job.camera.size();
+        self.job.check()?;
+        if x >= width || y >= height {
+            return Err(ExplainError::Outside { x, y, width, height });
+        }
+        let relative = self.job.relative_to(self.world);
+        let job = relative.as_ref().unwrap_or(self.job);
+        with_stack(stack_of(self.world, job), || path::path_tree(self.world, job, [x, y])).map_err(JobError::from)?
+    }
+
     /// Explains a ray from `origin` in the scene's coordinates along `direction`, which may have any length but zero.
     /// The camera plays no part.
     ///
@@ -160,6 +180,12 @@ impl<'a> Explainer<'a> {
     pub fn outside(&self, tree: &PixelTree, levels: Option<u32>) -> Option<OutsideView> {
         let sample = tree.samples.get(tree.nearest_to_mean())?;
         Some(self.outside_of(&sample.ray, sample.time.unwrap_or(0.0) as f32, levels))
+    }
+
+    /// The scene from outside with the rays that [`PathTree::svg`] draws for this sample.
+    pub fn outside_path(&self, tree: &PathTree, chosen: Option<usize>, levels: Option<u32>) -> Option<OutsideView> {
+        let sample = tree.samples.get(chosen.or_else(|| tree.nearest_to_mean())?)?;
+        Some(self.outside_of(&sample.as_tree()?, sample.time.unwrap_or(0.0) as f32, levels))
     }
 
     /// The scene from outside with the rays that [`RayTree::svg`] draws.

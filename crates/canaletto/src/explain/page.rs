@@ -3,6 +3,7 @@
 use super::light_text::{by_light, dark, sum_of};
 use super::number::{Digits, Number};
 use super::outside::OutsideView;
+use super::path::PathTree;
 use super::ray_tree::RayTree;
 use super::text_writer::{TextStyle, counted};
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode};
@@ -90,6 +91,19 @@ impl PixelTree {
             page.row(&format!("{} more", self.samples.len() - MOST_SAMPLES), "", "");
         }
         page.html += "</table></details>\n";
+    }
+}
+
+impl PathTree {
+    /// The paths as an HTML page that needs no other file: the drawing and the text of the path of the sample with the
+    /// index `chosen`, or of the one nearest to the pixel's colour.
+    pub fn html(&self, chosen: Option<usize>, style: &PageStyle) -> String {
+        let [x, y] = self.pixel;
+        let mut page = Page::begin(style, &format!("pixel ({x}, {y})"), self.color);
+        page.html += &self.svg(chosen, style.text.levels, style.outside).unwrap_or_default();
+        let text = self.text(&style.text, chosen);
+        let _ = writeln!(page.html, "<pre>{}</pre>", text.lines().map(escaped).collect::<Vec<_>>().join("\n"));
+        page.end(&self.text(&TextStyle::FULL, None))
     }
 }
 

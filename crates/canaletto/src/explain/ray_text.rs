@@ -16,6 +16,7 @@ pub(super) fn write_ray(w: &mut TextWriter, ray: &RayNode, level: u32, indent: &
         RayKind::Reflected => "reflected ray (5.37)",
         RayKind::Refracted => "refracted ray (5.40-5.44)",
         RayKind::TotallyReflected => "totally reflected ray",
+        RayKind::Scattered => "scattered ray",
         RayKind::Passed => "straight ray (partial coverage)",
     };
     writeln!(w, "{indent}{kind}, depth {}: o = {}, d = {}", ray.depth, w.vector(ray.origin), w.vector(ray.direction));

@@ -198,13 +198,13 @@ fn write_sample(w: &mut TextWriter, sample: &SampleNode) {
     write_ray(w, &sample.ray, 1, "");
 }
 
-fn write_equal(w: &mut TextWriter, sum: Rgb, name: &str, rendered: Rgb) {
+pub(super) fn write_equal(w: &mut TextWriter, sum: Rgb, name: &str, rendered: Rgb) {
     let equal = if sum == rendered { "equal, bit for bit" } else { "NOT equal: this is a bug" };
     writeln!(w, "sum of the terms  {}", w.rgb(sum));
     writeln!(w, "{name}{}  ({equal})", w.rgb(rendered));
 }
 
-fn write_developed(w: &mut TextWriter, developed: &DevelopedNode, linear: Rgb) {
+pub(super) fn write_developed(w: &mut TextWriter, developed: &DevelopedNode, linear: Rgb) {
     let DevelopedNode { tone, transfer, values } = developed;
     let Some(values) = values else {
         writeln!(w, "tone \"{tone}\" divides by the picture's largest component, which one pixel doesn't tell");

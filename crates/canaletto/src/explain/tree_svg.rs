@@ -87,7 +87,12 @@ fn placed_rays(ray: &RayNode, levels: Option<u32>) -> (Vec<Placed<'_>>, f64) {
     (placed, next)
 }
 
-fn drawing(ray: &RayNode, levels: Option<u32>, title: &str, outside: Option<(&OutsideView, &str)>) -> String {
+pub(super) fn drawing(
+    ray: &RayNode,
+    levels: Option<u32>,
+    title: &str,
+    outside: Option<(&OutsideView, &str)>,
+) -> String {
     let (placed, next) = placed_rays(ray, levels);
     let rows = placed.iter().map(|node| node.at[1]).fold(0.0, f64::max);
     drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title, outside)
@@ -177,6 +182,7 @@ fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
         RayKind::Reflected => format!("R, k = {}", factor(node.ray.factor)),
         RayKind::Refracted => format!("T, 1 − o = {}", factor(node.ray.factor)),
         RayKind::TotallyReflected => format!("total R, 1 − o = {}", factor(node.ray.factor)),
+        RayKind::Scattered => format!("× {}", factor(node.ray.factor)),
         RayKind::Passed => format!("on, {}", factor(node.ray.factor)),
     };
     let _ = writeln!(svg, "<path class=\"ray\" d=\"M{from_x:.1} {from_y:.1}L{x:.1} {y:.1}\"/>");

@@ -44,6 +44,7 @@ impl RayCounts {
             RayKind::Eye => &mut self.eye,
             RayKind::Reflected | RayKind::TotallyReflected => &mut self.reflected,
             RayKind::Refracted => &mut self.refracted,
+            RayKind::Scattered => &mut self.scattered,
             RayKind::Passed => &mut self.passed,
         }
     }

@@ -2,6 +2,7 @@
 
 mod counts;
 mod first_hit;
+mod measurement;
 mod media;
 mod path;
 mod probe;
@@ -13,7 +14,9 @@ mod zbuffer;
 
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
+pub use measurement::Measurement;
 pub(crate) use path::PreparedPath;
+pub use path::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource, SourceSample};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};

@@ -1,6 +1,7 @@
 //! Probes: observers of an integrator. The picture and its explanation run one code. The integrator is generic over a
 //! probe, and the empty probe compiles to nothing.
 
+use super::PathEvent;
 use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
@@ -23,6 +24,8 @@ pub enum RayKind {
     Refracted,
     /// A ray mirrored inside a clear body beyond the critical angle, with the factor 1 − o.
     TotallyReflected,
+    /// A ray in a random direction of a surface's scattering, of a path.
+    Scattered,
     /// A ray that goes straight on through a surface of partial coverage, with the factor 1 − coverage.
     Passed,
 }
@@ -120,6 +123,9 @@ pub trait Probe: GeometryProbe {
     fn coverage(&mut self, _share: f32) {}
     /// A child ray was not followed, because of its depth or weight.
     fn cut(&mut self, _kind: RayKind, _factor: Rgb) {}
+    /// Something happens along a path. Only path tracing calls it, beside [`Probe::sample`], [`Probe::drawn`] and
+    /// [`Probe::end`], and the calls for the first ray.
+    fn path(&mut self, _event: PathEvent) {}
     /// The current ray ends with this colour, before its factor is applied.
     fn end(&mut self, _color: Rgb) {}
 }

@@ -6,6 +6,7 @@
 use super::{ConductorBsdf, DielectricBsdf, MaterialModel, MaterialPoint, PhongBsdf};
 use crate::math::Rgb;
 use glam::DVec3;
+use serde::Serialize;
 
 /// The scattering at a point, one variant for each [`MaterialModel`].
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +48,8 @@ pub struct BsdfSample {
 }
 
 /// A kind of scattering.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Lobe {
     /// To all sides.

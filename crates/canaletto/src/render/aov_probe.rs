@@ -218,7 +218,7 @@ impl Probe for AovProbe<'_> {
                 RayKind::Refracted | RayKind::TotallyReflected | RayKind::Passed => {
                     self.sample.refraction += color * factor;
                 }
-                RayKind::Eye => {}
+                RayKind::Eye | RayKind::Scattered => {}
             }
         }
     }

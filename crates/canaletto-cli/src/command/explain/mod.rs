@@ -56,6 +56,14 @@ pub(crate) struct ExplainFlags {
     )]
     pub ray: Option<[f64; 6]>,
 
+    /// Explains the path of this sample of a path-traced pixel, from 1 [default: the one nearest to the pixel's colour]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Pixel", conflicts_with_all = ["ray", "brightest"])]
+    pub sample: Option<u32>,
+
+    /// Explains the path that adds most to a path-traced pixel: the one behind a firefly
+    #[arg(long, help_heading = "Pixel", conflicts_with = "ray")]
+    pub brightest: bool,
+
     /// Counts rows from the bottom
     #[arg(long, help_heading = "Pixel")]
     pub y_up: bool,
@@ -140,7 +148,8 @@ Examples:
   canaletto explain scenes/chapter/fig-5.27b-glass.kdl --pixel 110,75 --json | jq .sum
   canaletto explain scenes/chapter/fig-5.26b-mirror.kdl -p 120,40 --diff scenes/chapter/fig-5.23b-shadow.kdl
   canaletto explain scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5
-  canaletto explain scenes/chapter/fig-5.23b-shadow.kdl --pixel 115,80 --diff-pixel 60,120";
+  canaletto explain scenes/chapter/fig-5.23b-shadow.kdl --pixel 115,80 --diff-pixel 60,120
+  canaletto explain scenes/path.kdl --samples 64 --pixel 120,230 --brightest --svg path.svg";
 
 impl ExplainFlags {
     /// Whether two explanations are compared.

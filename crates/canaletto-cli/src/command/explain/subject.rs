@@ -8,7 +8,7 @@ use crate::output::replaced;
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
-use canaletto::explain::{Explainer, OutsideView, PageStyle, PixelTree, RayTree, TextStyle};
+use canaletto::explain::{ExplainError, Explainer, OutsideView, PageStyle, PathTree, PixelTree, RayTree, TextStyle};
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::math::Rgb;
 use canaletto::render::Job;
@@ -24,6 +24,17 @@ use std::sync::Arc;
 pub(super) enum Explained {
     Pixel(Box<PixelTree>),
     Ray(Box<RayTree>),
+    Paths(Box<ChosenPath>),
+}
+
+/// The paths of a pixel, and the one that is shown.
+#[derive(Serialize)]
+pub(super) struct ChosenPath {
+    #[serde(flatten)]
+    tree: PathTree,
+    /// The index of its sample, if the flags choose one.
+    #[serde(skip)]
+    chosen: Option<usize>,
 }
 
 impl Explained {
@@ -31,6 +42,7 @@ impl Explained {
         match self {
             Explained::Pixel(tree) => tree.sum(),
             Explained::Ray(tree) => tree.ray.sum(),
+            Explained::Paths(paths) => paths.tree.sum(),
         }
     }
 
@@ -38,6 +50,7 @@ impl Explained {
         match self {
             Explained::Pixel(tree) => tree.svg(levels, outside),
             Explained::Ray(tree) => tree.svg(levels, outside),
+            Explained::Paths(paths) => paths.tree.svg(paths.chosen, levels, outside).unwrap_or_default(),
         }
     }
 
@@ -47,6 +60,7 @@ impl Explained {
         match self {
             Explained::Pixel(tree) => tree.html(&style),
             Explained::Ray(tree) => tree.html(&style),
+            Explained::Paths(paths) => paths.tree.html(paths.chosen, &style),
         }
     }
 
@@ -54,6 +68,7 @@ impl Explained {
         match self {
             Explained::Pixel(tree) => tree.text(style),
             Explained::Ray(tree) => tree.text(style),
+            Explained::Paths(paths) => paths.tree.text(style, paths.chosen),
         }
     }
 }
@@ -130,6 +145,7 @@ impl<'a> Subject<'a> {
         let view = match tree {
             Explained::Pixel(tree) => explainer.outside(tree, levels),
             Explained::Ray(tree) => Some(explainer.outside_ray(tree, levels)),
+            Explained::Paths(paths) => explainer.outside_path(&paths.tree, paths.chosen, levels),
         };
         let image = view.as_ref().map_or(Ok(String::new()), |view| data_url(&view.picture))?;
         Ok(Outside { view, image })
@@ -138,6 +154,8 @@ impl<'a> Subject<'a> {
     /// The tree of the ray that the flags give, or else of the pixel. `flag` is where the pixel is from.
     pub(super) fn explained(&self, pixel: Option<[u32; 2]>, flag: &str, has_steps: bool) -> Result<Explained, Failure> {
         let explainer = self.explainer(has_steps);
+        let traces_paths = matches!(self.job.integrator, Integrator::Path(_));
+        self.refuse_flags_of_other_integrators(traces_paths)?;
         if let Some([ox, oy, oz, dx, dy, dz]) = self.flags.ray {
             let ray = explainer.ray([ox, oy, oz], [dx, dy, dz]);
             let ray = ray.map_err(|e| Failure::usage(format!("--ray: {e}")))?;
@@ -147,7 +165,36 @@ impl<'a> Subject<'a> {
         let [_, height] = self.job.camera.size();
         // A row outside the picture is not mirrored, so that the message shows the user's own number.
         let row = if self.flags.y_up && y < height { height - 1 - y } else { y };
-        let pixel = explainer.pixel(x, row).map_err(|e| Failure::usage(format!("{flag}: {e}")))?;
-        Ok(Explained::Pixel(Box::new(pixel)))
+        let failure = |e: ExplainError| Failure::usage(format!("{flag}: {e}"));
+        if !traces_paths {
+            return Ok(Explained::Pixel(Box::new(explainer.pixel(x, row).map_err(failure)?)));
+        }
+        let tree = explainer.paths(x, row).map_err(failure)?;
+        let chosen = match self.flags.sample {
+            None if self.flags.brightest => tree.brightest(),
+            None => None,
+            Some(number) if number as usize <= tree.samples.len() => Some(number as usize - 1),
+            Some(number) => {
+                let count = tree.samples.len();
+                return Err(Failure::usage(format!("--sample {number}: the pixel has {count} samples, from 1 on")));
+            }
+        };
+        Ok(Explained::Paths(Box::new(ChosenPath { tree, chosen })))
+    }
+
+    /// Refuses flags that have no meaning for the job's integrator.
+    fn refuse_flags_of_other_integrators(&self, traces_paths: bool) -> Result<(), Failure> {
+        let ExplainFlags { sample, brightest, ray, steps, .. } = self.flags;
+        let (given, needs) = if traces_paths {
+            let given = [("--ray", ray.is_some()), ("--steps", *steps), ("--diff", self.flags.is_difference())];
+            (given, "explains a tree of rays; add --integrator whitted")
+        } else {
+            let given = [("--sample", sample.is_some()), ("--brightest", *brightest), ("", false)];
+            (given, "chooses one of a pixel's paths; add --integrator path")
+        };
+        match given.iter().find(|(_, is_given)| *is_given) {
+            Some((flag, _)) => Err(Failure::usage(format!("{flag} {needs}"))),
+            None => Ok(()),
+        }
     }
 }

@@ -252,6 +252,7 @@ pub(in crate::explain) fn kind_name(kind: RayKind) -> &'static str {
         RayKind::Reflected => "reflected ray",
         RayKind::Refracted => "refracted ray",
         RayKind::TotallyReflected => "totally reflected ray",
+        RayKind::Scattered => "scattered ray",
         RayKind::Passed => "straight ray",
     }
 }

@@ -10,11 +10,12 @@ use std::fmt::Write;
 const LEGEND: f64 = 22.0;
 
 /// The kinds of lines in the order of the legend, with the class and the name of each.
-const KINDS: [(StrokeKind, &str, &str); 7] = [
+const KINDS: [(StrokeKind, &str, &str); 8] = [
     (StrokeKind::Ray(RayKind::Eye), "eye", "camera"),
     (StrokeKind::Ray(RayKind::Reflected), "reflected", "reflected"),
     (StrokeKind::Ray(RayKind::Refracted), "refracted", "refracted"),
     (StrokeKind::Ray(RayKind::TotallyReflected), "total", "totally reflected"),
+    (StrokeKind::Ray(RayKind::Scattered), "scattered", "scattered"),
     (StrokeKind::Ray(RayKind::Passed), "passed", "straight on"),
     (StrokeKind::Light, "shadow", "to light"),
     (StrokeKind::Blocked, "blocked", "blocked"),
@@ -23,11 +24,11 @@ const KINDS: [(StrokeKind, &str, &str); 7] = [
 /// The styles of the view, light and dark.
 pub(in crate::explain) const OUTSIDE_STYLE: &str = "\
     .o{fill:none;stroke-width:1.8}.o.eye{stroke:#b86e00}.o.reflected{stroke:#c2185b}.o.refracted{stroke:#0a6fc2}\
-    .o.total{stroke:#7b3fe4}.o.passed{stroke:#666}.o.shadow{stroke:#8a7a00;stroke-width:1.1;stroke-dasharray:6 3}\
+    .o.total{stroke:#7b3fe4}.o.scattered{stroke:#2e7d32}.o.passed{stroke:#666}.o.shadow{stroke:#8a7a00;stroke-width:1.1;stroke-dasharray:6 3}\
     .o.blocked{stroke:#555;stroke-width:1.1;stroke-dasharray:2 3}.frame{fill:none;stroke:#aaa}.halo{stroke:#fff;\
     stroke-width:3;paint-order:stroke}.lamp{fill:#ffd740;stroke:#8a7a00}\
     @media(prefers-color-scheme:dark){.o.eye{stroke:#ffb74d}.o.reflected{stroke:#ff6090}.o.refracted{stroke:#64b5f6}\
-    .o.total{stroke:#b39ddb}.o.passed{stroke:#aaa}.o.shadow{stroke:#e6d24a}.o.blocked{stroke:#bbb}.frame{stroke:#555}\
+    .o.total{stroke:#b39ddb}.o.scattered{stroke:#81c784}.o.passed{stroke:#aaa}.o.shadow{stroke:#e6d24a}.o.blocked{stroke:#bbb}.frame{stroke:#555}\
     .halo{stroke:#16181c}}";
 
 impl OutsideView {

@@ -167,6 +167,11 @@ fn solid_angle_ratio(to_world: &Transform, w: DVec3) -> f64 {
 }
 
 impl Emitter {
+    /// The number of the placed geometry and the first primitive.
+    pub(super) fn first_primitive(&self) -> [u32; 2] {
+        self.of
+    }
+
     fn new(
         world: &World,
         sampler: SurfaceSampler,

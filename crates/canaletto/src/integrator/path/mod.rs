@@ -14,8 +14,10 @@ mod direct;
 mod emitter;
 #[cfg(test)]
 mod emitter_tests;
+mod event;
 mod light_sampler;
 mod light_tree;
+mod meter;
 mod see_through;
 #[cfg(test)]
 mod see_through_tests;
@@ -32,7 +34,9 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
+pub use event::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample};
 use light_sampler::LightSampler;
+pub use meter::PathMeter;
 use stream::PathStream;
 
 /// What the threads of path tracing share.

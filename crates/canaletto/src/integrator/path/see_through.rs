@@ -16,17 +16,17 @@ use crate::math::Rgb;
 const LEAST_PASSED: f32 = 1.0 / (1u64 << 40) as f32;
 
 impl PathTracer<'_> {
-    /// The light that a surface sends back of a sampled source, past all that lets it pass.
-    pub(super) fn light_through(&mut self, shadow: &ShadowRay) -> Rgb {
+    /// The share of a sampled source's light that passes what lies between.
+    pub(super) fn visible_through(&mut self, shadow: &ShadowRay) -> Rgb {
         if shadow.t_max < 0.0 {
-            return shadow.light;
+            return Rgb::WHITE;
         }
         let mark = self.media.mark();
         let seen = self.see(shadow);
         self.media.release(mark);
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(seen.is_none());
-        seen.map_or(Rgb::BLACK, |passed| (shadow.light * passed).saturated())
+        seen.unwrap_or(Rgb::BLACK)
     }
 
     /// What is left of the light of a shadow ray's source; none if something hides it.

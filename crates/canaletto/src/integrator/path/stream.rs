@@ -29,8 +29,8 @@ struct PathShadow {
     /// The path's number.
     path: u32,
     ray: ShadowRay,
-    /// The factor of its light.
-    factor: Rgb,
+    /// The throughput of the path where it leaves.
+    throughput: Rgb,
 }
 
 impl PathStream {
@@ -71,7 +71,7 @@ impl PathTracer<'_> {
             for index in 0..active.len() {
                 let number = active[index];
                 let step = self.arrive(&mut paths[number as usize], bundle.hit(index), &mut ());
-                shadows.extend(step.shadow.map(|(ray, factor)| PathShadow { path: number, ray, factor }));
+                shadows.extend(step.shadow.map(|(ray, throughput)| PathShadow { path: number, ray, throughput }));
                 active[left] = number;
                 left += usize::from(step.goes_on);
             }
@@ -87,8 +87,9 @@ impl PathTracer<'_> {
     /// Adds the light of sampled sources to the paths.
     fn trace_shadows(&mut self, shadows: &mut [PathShadow], bundle: &mut RayBundle, paths: &mut [Path]) {
         if self.sees_through {
-            for PathShadow { path, ray, factor } in shadows {
-                paths[*path as usize].light += (*factor * self.light_through(ray)).saturated();
+            for PathShadow { path, ray, throughput } in shadows {
+                let light = (ray.light * self.visible(ray)).saturated();
+                paths[*path as usize].light += (*throughput * light).saturated();
             }
             return;
         }
@@ -104,12 +105,12 @@ impl PathTracer<'_> {
             } else {
                 self.world.intersect_batch(bundle, self.time);
             }
-            for (index, PathShadow { path, ray, factor }) in group.iter().enumerate() {
-                let light = match is_light {
-                    true => self.light_past(ray, bundle.occlusion(index)),
-                    false => self.light_at(ray, bundle.hit(index)),
+            for (index, PathShadow { path, ray, throughput }) in group.iter().enumerate() {
+                let visible = match is_light {
+                    true => self.visible_past(ray, bundle.occlusion(index)),
+                    false => self.visible_at(ray, bundle.hit(index)),
                 };
-                paths[*path as usize].light += (*factor * light).saturated();
+                paths[*path as usize].light += (*throughput * (ray.light * visible).saturated()).saturated();
             }
         }
     }

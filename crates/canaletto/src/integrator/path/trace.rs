@@ -1,21 +1,23 @@
 //! One path: from surface to surface, with the light that each of them sends along it.
 
 use super::PathTracer;
-use super::direct::{ShadowRay, weight};
+use super::direct::ShadowRay;
 use super::emitter::seen_emission;
 use super::light_tree::Receiver;
+use super::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent};
 use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::material::{
-    Bsdf, BsdfSample, HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, ScatteringFrame,
+    Bsdf, BsdfSample, HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, MediumSample, ScatteringFrame,
 };
-use crate::math::{DRay, RayDifferential, Rgb};
+use crate::math::{DRay, RayDifferential, Rgb, offset_origin, rounding, warp};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
-use crate::world::Hit;
+use crate::world::{GeometryProbe, Hit};
 use canaletto_bvh::Ray;
 use glam::DVec3;
+use std::f64::consts::PI;
 
 /// Numbers of the uses of random numbers along a path.
 mod uses {
@@ -92,6 +94,11 @@ pub(super) struct Path {
 }
 
 impl Path {
+    /// The bodies that the next ray starts in.
+    pub(super) fn inside(&self) -> u32 {
+        self.segment.inside[0]
+    }
+
     /// The ray that the path goes along next.
     pub(super) fn ray(&self) -> &Ray {
         &self.segment.ray
@@ -116,6 +123,16 @@ pub(super) enum Vertex<'a> {
     Surface(&'a SurfaceVertex<'a>),
     /// A point in a medium.
     Medium(MediumVertex),
+    /// A point where light is measured.
+    Meter(MeterVertex),
+}
+
+/// A point where light is measured: a white matte surface that no ray hits.
+pub(super) struct MeterVertex {
+    pub(super) position: DVec3,
+    pub(super) normal: DVec3,
+    /// The bodies that it is in.
+    pub(super) inside: u32,
 }
 
 /// A surface of a path.
@@ -148,7 +165,7 @@ impl Vertex<'_> {
     pub(super) fn is_delta(&self) -> bool {
         match self {
             Vertex::Surface(surface) => surface.bsdf.is_delta(),
-            Vertex::Medium(_) => false,
+            Vertex::Medium(_) | Vertex::Meter(_) => false,
         }
     }
 
@@ -157,6 +174,7 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(surface) => surface.frame.exact,
             Vertex::Medium(medium) => medium.position,
+            Vertex::Meter(meter) => meter.position,
         }
     }
 
@@ -167,6 +185,9 @@ impl Vertex<'_> {
                 Receiver { point: frame.exact, normal: frame.normal, two_sided: crossing.is_some() }
             }
             Vertex::Medium(medium) => Receiver::in_medium(medium.position),
+            Vertex::Meter(MeterVertex { position, normal, .. }) => {
+                Receiver { point: *position, normal: *normal, two_sided: false }
+            }
         }
     }
 
@@ -175,6 +196,7 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(surface) => surface.bsdf.eval(surface.frame.wo, wi),
             Vertex::Medium(medium) => Rgb::gray(medium.phase.eval(medium.wo, wi) as f32),
+            Vertex::Meter(_) => Rgb::gray(self.pdf(wi) as f32),
         }
     }
 
@@ -183,6 +205,7 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(surface) => surface.bsdf.pdf(surface.frame.wo, wi),
             Vertex::Medium(medium) => medium.phase.eval(medium.wo, wi),
+            Vertex::Meter(meter) => meter.normal.dot(wi).max(0.0) / PI,
         }
     }
 
@@ -194,6 +217,14 @@ impl Vertex<'_> {
                 let wi = phase.sample(*wo, u);
                 let pdf = phase.eval(*wo, wi);
                 Some(BsdfSample { wi, f: Rgb::gray(pdf as f32), pdf, lobe: Lobe::Diffuse, is_delta: false })
+            }
+            Vertex::Meter(MeterVertex { normal, .. }) => {
+                let (x, y) = normal.any_orthonormal_pair();
+                let p = warp::cosine_hemisphere(u);
+                let wi = x * p.x + y * p.y + *normal * p.z;
+                let pdf = self.pdf(wi);
+                let f = Rgb::gray(pdf as f32);
+                (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false })
             }
         }
     }
@@ -208,6 +239,11 @@ impl Vertex<'_> {
         match self {
             Vertex::Surface(surface) => surface.frame.rounded(line),
             Vertex::Medium(_) => line.rounded(),
+            Vertex::Meter(MeterVertex { position, normal, .. }) => {
+                // A point on a surface sees what lies before it.
+                let near = position.as_vec3();
+                line.from_origin(offset_origin(near, rounding(near) * 4.0, *normal, *normal))
+            }
         }
     }
 }
@@ -222,23 +258,37 @@ impl PathTracer<'_> {
         probe: &mut P,
     ) -> Rgb {
         self.media.clear();
-        let mut path = self.start(line, differential, sample);
+        let path = self.start(line, differential, sample);
         probe.ray(RayKind::Eye, path.ray(), 1, Rgb::WHITE);
+        let light = self.follow(path, Step { shadow: None, goes_on: true }, probe);
+        probe.end(light);
+        light
+    }
+
+    /// Takes a path from a step to its end.
+    pub(super) fn follow<P: Probe>(&mut self, mut path: Path, mut step: Step, probe: &mut P) -> Rgb {
         loop {
-            self.poll(1);
-            let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
-            let is_eye = matches!(path.segment.kind, Kind::Eye);
-            let step =
-                if is_eye { self.arrive(&mut path, found, probe) } else { self.arrive(&mut path, found, &mut ()) };
-            if let Some((shadow, factor)) = &step.shadow {
-                path.light += (*factor * self.shadowed(shadow)).saturated();
+            if let Some((shadow, throughput)) = &step.shadow {
+                let visible = self.visible(shadow);
+                probe.path(PathEvent::Visible(visible));
+                path.light += (*throughput * (shadow.light * visible).saturated()).saturated();
             }
             if !step.goes_on || self.is_cancelled {
-                break;
+                return path.light.saturated();
             }
+            self.poll(1);
+            let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
+            probe.path(PathEvent::Ray { ray: path.ray(), depth: path.depth });
+            step = match path.segment.kind {
+                Kind::Eye => self.arrive(&mut path, found, probe),
+                _ => self.arrive(&mut path, found, &mut BeyondEye(probe)),
+            };
         }
-        probe.end(path.light);
-        path.light.saturated()
+    }
+
+    /// A path that begins at a point instead of a camera ray.
+    pub(super) fn start_at(&mut self, position: DVec3, sample: Sample) -> Path {
+        self.start(DRay { origin: position, direction: DVec3::Z }, None, sample)
     }
 
     /// A path that begins with a camera ray.
@@ -265,11 +315,12 @@ impl PathTracer<'_> {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
         let Some((met, is_first)) = self.meet(&path.segment, found, probe) else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
-            let arriving = self.environment(&path.segment, is_direct);
+            let arriving = self.environment(&path.segment, is_direct, probe);
             if is_eye {
                 probe.miss(arriving);
             }
             path.light += (path.throughput * arriving).saturated();
+            probe.path(PathEvent::End(PathEnd::Miss));
             return Step::END;
         };
         let VisibleHit { hit, surface, material, line, .. } = &met;
@@ -277,18 +328,20 @@ impl PathTracer<'_> {
         if is_eye {
             probe.hit(hit, surface, material, frame.outside);
         }
+        probe.path(PathEvent::Surface { hit, surface, material, outside: frame.outside });
         let place = path.place.of(uses::NEXT);
         path.place = place;
         if let Some((medium, inside)) = self.medium_before(&met, frame.outside) {
             let distance = path.segment.line.origin.distance(frame.exact);
-            if let Some(step) = self.pass_medium(path, &medium, inside, distance) {
+            if let Some(step) = self.pass_medium(path, &medium, inside, distance, probe) {
                 return step;
             }
         }
         let is_direct = self.sees_through || is_first && !path.segment.passed;
-        let emitted = self.emitted(&path.segment, hit, &frame, material, is_direct);
+        let emitted = self.emitted(&path.segment, hit, &frame, material, is_direct, probe);
         path.light += (path.throughput * emitted).saturated();
         if self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
+            probe.path(PathEvent::End(PathEnd::MaxDepth));
             return Step::END;
         }
         let (coverage, sample) = (material.coverage, path.sample);
@@ -298,6 +351,7 @@ impl PathTracer<'_> {
             }
             if path.passed < MAX_PASSED && sample.one(place.of(uses::COVERAGE)) >= f64::from(coverage) {
                 path.passed += 1;
+                probe.path(PathEvent::Passed(Passage::Coverage));
                 let inside = self.media.crossing(met.crossing).map(|crossing| [crossing.beyond, crossing.next]);
                 path.segment.go_through(&met, &frame, inside.unwrap_or([met.inside, NONE]));
                 return Step { shadow: None, goes_on: true };
@@ -307,34 +361,46 @@ impl PathTracer<'_> {
         if share > 0.0 {
             path.light += (path.throughput * overlay * share).saturated();
             path.throughput *= 1.0 - share;
+            probe.path(PathEvent::Overlay { color: overlay, share });
         }
         let vertex = self.vertex(&met, frame);
         if let Some(crossing) = vertex.crossing.filter(|_| vertex.is_index_matched()) {
             path.segment.go_through(&met, &vertex.frame, [crossing.beyond, crossing.next]);
+            probe.path(PathEvent::Passed(Passage::IndexMatched));
             return Step { shadow: None, goes_on: true };
         }
-        self.scatter(path, &Vertex::Surface(&vertex))
+        self.scatter(path, &Vertex::Surface(&vertex), probe)
     }
 
     /// Takes a path through a medium to the end of its ray at a distance. If it is scattered before, returns the step
     /// from there.
-    fn pass_medium(&mut self, path: &mut Path, medium: &Medium, inside: u32, distance: f64) -> Option<Step> {
-        if !medium.scatters() {
-            path.throughput = path.throughput * medium.transmittance(distance);
-            return None;
-        }
-        let u = path.sample.two(path.place.of(uses::DISTANCE));
-        let sample = medium.sample(path.throughput, u, distance);
-        path.throughput = path.throughput * sample.factor;
-        let distance = sample.distance?;
-        if path.throughput.is_black() || self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
-            return Some(Step::END);
-        }
+    fn pass_medium<P: Probe>(
+        &mut self,
+        path: &mut Path,
+        medium: &Medium,
+        inside: u32,
+        end: f64,
+        probe: &mut P,
+    ) -> Option<Step> {
         let DRay { origin, direction } = path.segment.line;
         let direction = direction.normalize();
-        let (position, phase) = (origin + direction * distance, HenyeyGreenstein { g: medium.anisotropy.into() });
+        let MediumSample { distance, factor } = if medium.scatters() {
+            medium.sample(path.throughput, path.sample.two(path.place.of(uses::DISTANCE)), end)
+        } else {
+            MediumSample { distance: None, factor: medium.transmittance(end) }
+        };
+        path.throughput = path.throughput * factor;
+        let scattered = distance.map(|distance| origin + direction * distance);
+        probe.path(PathEvent::Medium { medium, distance: distance.unwrap_or(end), factor, scattered });
+        let position = scattered?;
+        let is_last = self.settings.max_depth != 0 && path.depth > self.settings.max_depth;
+        if is_last || path.throughput.is_black() {
+            probe.path(PathEvent::End(if is_last { PathEnd::MaxDepth } else { PathEnd::Absorbed }));
+            return Some(Step::END);
+        }
+        let phase = HenyeyGreenstein { g: medium.anisotropy.into() };
         let vertex = MediumVertex { position, wo: -direction, phase, inside };
-        Some(self.scatter(path, &Vertex::Medium(vertex)))
+        Some(self.scatter(path, &Vertex::Medium(vertex), probe))
     }
 
     /// What fills the place before a hit, with the bodies there. None if light passes it as if nothing were there.
@@ -356,30 +422,40 @@ impl PathTracer<'_> {
     }
 
     /// Samples a source for a path, and sends it on in a random direction.
-    fn scatter(&mut self, path: &mut Path, vertex: &Vertex) -> Step {
+    pub(super) fn scatter<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Step {
         let (sample, place) = (path.sample, path.place);
         let numbers = (sample.one(place.of(uses::LIGHT)), sample.two(place.of(uses::LIGHT_POINT)));
-        let shadow = self.sample_source(vertex, numbers.0, numbers.1).map(|shadow| (shadow, path.throughput));
-        Step { shadow, goes_on: self.go_on(path, vertex) }
+        let shadow = self.sample_source(vertex, numbers.0, numbers.1, probe).map(|shadow| (shadow, path.throughput));
+        let end = self.go_on(path, vertex, probe).err();
+        if let Some(end) = end {
+            probe.path(PathEvent::End(end));
+        }
+        Step { shadow, goes_on: end.is_none() }
     }
 
-    /// Sends a path on in a random direction. Returns whether it goes on.
-    fn go_on(&mut self, path: &mut Path, vertex: &Vertex) -> bool {
+    /// Sends a path on in a random direction.
+    ///
+    /// # Errors
+    /// The reason why it ends.
+    fn go_on<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Result<(), PathEnd> {
         let (sample, place) = (path.sample, path.place);
         let numbers = (sample.one(place.of(uses::LOBE)), sample.two(place.of(uses::DIRECTION)));
-        let Some(scattered) = vertex.sample(numbers.0, numbers.1) else { return false };
+        let scattered = vertex.sample(numbers.0, numbers.1).ok_or(PathEnd::Absorbed)?;
+        probe.path(PathEvent::Scattered(&scattered));
         path.throughput = (path.throughput * scattered.f * (1.0 / scattered.pdf) as f32).saturated();
         if path.throughput.is_black() || !path.throughput.is_finite() {
-            return false;
+            return Err(PathEnd::Absorbed);
         }
         if self.settings.roulette && path.depth > ROULETTE_AFTER {
             let survival = path.throughput.max_component().min(SURVIVAL);
-            if sample.one(place.of(uses::ROULETTE)) >= f64::from(survival) {
-                return false;
+            let survived = sample.one(place.of(uses::ROULETTE)) < f64::from(survival);
+            probe.path(PathEvent::Roulette { survival, survived });
+            if !survived {
+                return Err(PathEnd::Roulette);
             }
             path.throughput *= 1.0 / survival;
         }
-        let Some(inside) = self.inside_after(vertex, scattered.wi) else { return false };
+        let inside = self.inside_after(vertex, scattered.wi).ok_or(PathEnd::Absorbed)?;
         let line = vertex.line(scattered.wi);
         path.segment = Segment {
             ray: vertex.ray(&line),
@@ -391,7 +467,7 @@ impl PathTracer<'_> {
             kind: Kind::Scattered(scattered.lobe),
         };
         path.depth += 1;
-        true
+        Ok(())
     }
 
     /// The first visible surface of a ray whose first hit is `found`, and whether it is that hit.
@@ -418,35 +494,50 @@ impl PathTracer<'_> {
 
     /// The light of the environment or the background along a ray that hits nothing, with its weight. `is_direct` tells
     /// that a shadow ray would have passed, too.
-    fn environment(&self, segment: &Segment, is_direct: bool) -> Rgb {
-        let Some(environment) = &self.world.environment else { return self.world.background };
+    fn environment<P: Probe>(&self, segment: &Segment, is_direct: bool, probe: &mut P) -> Rgb {
+        let Some(environment) = &self.world.environment else {
+            let radiance = self.world.background;
+            return found(PathEmitter::Background, radiance, None, probe);
+        };
         let direction = segment.line.direction;
         let footprint = segment.differential.as_ref().map_or([DVec3::ZERO; 2], |d| d.direction);
-        let Some((from, pdf)) = &segment.scattered else {
-            return environment.lookup(direction, footprint).radiance;
+        let Some((from, scattering)) = &segment.scattered else {
+            return found(PathEmitter::Environment, environment.lookup(direction, footprint).radiance, None, probe);
         };
         let radiance = environment.radiance_without_sun(direction, footprint);
-        if !is_direct {
-            return radiance;
-        }
-        radiance * weight(*pdf, self.lights.pdf_of_environment(self.world, from, direction.normalize()))
+        let densities = is_direct.then(|| {
+            let source = self.lights.pdf_of_environment(self.world, from, direction.normalize());
+            PathDensities { scattering: *scattering, source }
+        });
+        found(PathEmitter::Environment, radiance, densities, probe)
     }
 
     /// The light that a surface emits towards the ray that hits it, with its weight. `is_direct` tells that a shadow
     /// ray would have found it, too.
-    fn emitted(&self, segment: &Segment, hit: &Hit, frame: &Frame, material: &MaterialPoint, is_direct: bool) -> Rgb {
+    fn emitted<P: Probe>(
+        &self,
+        segment: &Segment,
+        hit: &Hit,
+        frame: &Frame,
+        material: &MaterialPoint,
+        is_direct: bool,
+        probe: &mut P,
+    ) -> Rgb {
         let emission = seen_emission(material, frame.outside);
         if emission.is_black() {
             return emission;
         }
-        let Some((from, pdf)) = &segment.scattered else { return emission };
+        let Some((from, scattering)) = &segment.scattered else {
+            return found(PathEmitter::Surface, emission, None, probe);
+        };
         let Some(emission) = self.lights.lit(self.world, hit, emission, from.point.distance(frame.exact)) else {
             return Rgb::BLACK;
         };
-        if !is_direct {
-            return emission;
-        }
-        emission * weight(*pdf, self.lights.pdf_of_hit(self.world, from, hit, frame.exact, frame.outer))
+        let densities = is_direct.then(|| {
+            let source = self.lights.pdf_of_hit(self.world, from, hit, frame.exact, frame.outer);
+            PathDensities { scattering: *scattering, source }
+        });
+        found(PathEmitter::Surface, emission, densities, probe)
     }
 
     /// The scattering at a surface.
@@ -478,12 +569,33 @@ impl PathTracer<'_> {
     pub(super) fn inside_after(&mut self, vertex: &Vertex, wi: DVec3) -> Option<[u32; 2]> {
         let SurfaceVertex { hit: met, frame, crossing, .. } = match vertex {
             Vertex::Surface(surface) => surface,
-            Vertex::Medium(medium) => return Some([medium.inside, NONE]),
+            Vertex::Medium(MediumVertex { inside, .. }) | Vertex::Meter(MeterVertex { inside, .. }) => {
+                return Some([*inside, NONE]);
+            }
         };
         if wi.dot(frame.facing) < 0.0 {
             return crossing.map(|crossing| [crossing.beyond, crossing.next]);
         }
         let back = self.media.crossing(met.crossing).map_or(NONE, |crossing| crossing.back);
         Some([self.inside_before(met, frame.outside), back])
+    }
+}
+
+/// Light that a path finds, with its weight.
+fn found<P: Probe>(emitter: PathEmitter, radiance: Rgb, densities: Option<PathDensities>, probe: &mut P) -> Rgb {
+    probe.path(PathEvent::Found { emitter, radiance, densities });
+    densities.map_or(radiance, |densities| radiance * densities.weight_of_scattering())
+}
+
+/// A probe of a path's rays beyond the first one: it observes the path alone.
+struct BeyondEye<'p, P>(&'p mut P);
+
+impl<P: Probe> GeometryProbe for BeyondEye<'_, P> {
+    const ACTIVE: bool = false;
+}
+
+impl<P: Probe> Probe for BeyondEye<'_, P> {
+    fn path(&mut self, event: PathEvent) {
+        self.0.path(event);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::RadiositySolution;
 use super::sources::{LitPlace, environment};
+use crate::integrator::Measurement;
 use crate::math::{DRay, offset_origin, rounding, warp};
 use crate::sampler::{Dimension, FrameSampler};
 use crate::scene::SamplerKind;
@@ -15,32 +16,6 @@ const SETS: u32 = 16;
 
 /// The most surfaces that let light through along one ray.
 const MAX_CLEAR: usize = 64;
-
-/// The light that arrives at a point with a direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct Measurement {
-    /// The irradiance in red, green and blue: the power per unit of area. It is π times the radiance of a white surface
-    /// there.
-    pub irradiance: DVec3,
-    /// The standard error of each.
-    pub standard_error: DVec3,
-}
-
-impl Measurement {
-    /// The luminance of the irradiance, by the weights of Rec. 709: the illuminance, if the lights are in photometric
-    /// units.
-    pub fn illuminance(&self) -> f64 {
-        LUMINANCE.dot(self.irradiance)
-    }
-
-    /// A bound of the standard error of the illuminance: the sum of the colours' errors, which go together.
-    pub fn illuminance_error(&self) -> f64 {
-        LUMINANCE.dot(self.standard_error)
-    }
-}
-
-const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 impl RadiositySolution {
     /// Measures the irradiance at a point of the world, facing along a unit normal. Lights without a surface are found
@@ -60,8 +35,7 @@ impl RadiositySolution {
         let (x, y) = normal.any_orthonormal_pair();
         let each = rays.div_ceil(SETS).max(1);
         let sampler = FrameSampler::new(seed, 0, SamplerKind::Sobol);
-        let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
-        for set in 0..SETS {
+        let found = Measurement::of_sets((0..SETS).map(|set| {
             let numbers = sampler.pixel([number, set]);
             let mut mean = DVec3::ZERO;
             for index in 0..each {
@@ -69,15 +43,9 @@ impl RadiositySolution {
                 let direction = x * p.x + y * p.y + normal * p.z;
                 mean += self.radiance_along(world, origin, direction, [x, y]);
             }
-            mean /= f64::from(each);
-            sum += mean;
-            squares += mean * mean;
-        }
-        let sets = f64::from(SETS);
-        let mean = sum / sets;
-        let variance = ((squares / sets - mean * mean) * (sets / (sets - 1.0))).max(DVec3::ZERO) / sets;
-        let root = DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt());
-        Measurement { irradiance: (lights + mean) * PI, standard_error: root * PI }
+            mean / f64::from(each)
+        }));
+        Measurement { irradiance: found.irradiance + lights * PI, ..found }
     }
 
     /// The radiance that arrives along a ray: of the patches that it meets, or of the environment.

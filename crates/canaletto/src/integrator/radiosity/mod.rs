@@ -48,7 +48,6 @@ mod transport;
 pub use file::SolutionFileError;
 pub use fingerprint::{ChangedInputs, SolutionFingerprint, SolutionInput};
 pub(crate) use interpolation::{BlendedLight, blended};
-pub use measure::Measurement;
 pub(crate) use second_pass::PreparedRadiosity;
 pub use second_pass::ShownLight;
 pub use shooting::{ShootingStep, ShootingWatcher};

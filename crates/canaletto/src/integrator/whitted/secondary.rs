@@ -117,7 +117,7 @@ impl Whitted<'_> {
             return None;
         }
         let place = parent.place.of(match kind {
-            RayKind::Eye => uses::EYE,
+            RayKind::Eye | RayKind::Scattered => uses::EYE,
             RayKind::Reflected => uses::REFLECTED,
             RayKind::Refracted | RayKind::TotallyReflected => uses::REFRACTED,
             RayKind::Passed => uses::PASSED,
