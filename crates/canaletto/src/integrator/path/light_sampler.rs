@@ -46,6 +46,25 @@ struct SourceTree {
     sources: Vec<Source>,
 }
 
+/// Sources that will share a tree.
+struct TreeGroup {
+    /// The attenuation of lights; none for surfaces, whose light falls off with the squared distance.
+    attenuation: Option<[f32; 3]>,
+    sources: Vec<Source>,
+    bounds: Vec<ClusterBounds>,
+}
+
+impl TreeGroup {
+    fn new(attenuation: Option<[f32; 3]>) -> TreeGroup {
+        TreeGroup { attenuation, sources: Vec::new(), bounds: Vec::new() }
+    }
+
+    fn push(&mut self, source: Source, bounds: ClusterBounds) {
+        self.sources.push(source);
+        self.bounds.push(bounds);
+    }
+}
+
 /// All sources of light.
 #[derive(Debug)]
 pub(super) struct LightSampler {
@@ -98,9 +117,9 @@ impl LightSampler {
         let radius = if scene.is_empty() { 1.0 } else { 0.5 * f64::from((scene.max - scene.min).length()) };
         let emitters = Emitters::new(world, radius, |material| !is_only_seen(world, material));
         let environment = world.environment.as_ref().and_then(EnvironmentDistribution::new);
-        // The divisor of each tree, the bounds of its lights, and whether these emit by the cosine.
-        let mut groups: Vec<(Option<[f32; 3]>, Vec<(Source, ClusterBounds)>)> = vec![(None, Vec::new())];
-        groups[0].1.extend((0..).zip(&emitters.all).map(|(i, emitter)| (Source::Emitter(i), emitter.bounds())));
+        let mut surfaces = TreeGroup::new(None);
+        (0..).zip(&emitters.all).for_each(|(i, emitter)| surfaces.push(Source::Emitter(i), emitter.bounds()));
+        let mut groups = vec![surfaces];
         let mut far = Vec::new();
         for (i, light) in (0..).zip(&world.lights) {
             let by_surface = light.light.emission == Emission::Matte && light.light.has_area();
@@ -114,22 +133,21 @@ impl LightSampler {
                 continue;
             };
             let key = (!by_surface).then_some(light.light.attenuation);
-            let place = groups.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
+            let place = groups.iter().position(|group| group.attenuation == key).unwrap_or_else(|| {
                 if groups.len() < TREES {
-                    groups.push((key, Vec::new()));
+                    groups.push(TreeGroup::new(key));
                 }
                 groups.len() - 1
             });
             if bounds.intensity > 0.0 {
-                groups[place].1.push((Source::Light(i), bounds));
+                groups[place].push(Source::Light(i), bounds);
             }
         }
         let trees: Vec<SourceTree> = groups
             .into_iter()
-            .map(|(key, lights)| {
-                let (sources, bounds): (Vec<Source>, Vec<ClusterBounds>) = lights.into_iter().unzip();
-                let falloff = Falloff(key.unwrap_or([0.0, 0.0, 1.0]));
-                SourceTree { tree: LightTree::new(&bounds, falloff, key.is_none()), sources }
+            .map(|TreeGroup { attenuation, sources, bounds }| {
+                let falloff = Falloff(attenuation.unwrap_or([0.0, 0.0, 1.0]));
+                SourceTree { tree: LightTree::new(&bounds, falloff, attenuation.is_none()), sources }
             })
             .collect();
         let environment_strength = environment.as_ref().map_or(0.0, |e| PI * strength(e.mean()));

@@ -86,7 +86,7 @@ fn lights_shine_through_media() {
                     fog(medium),
                     Material::new("lamp", Phong { emission, ..matte(0.0) }),
                 ],
-                nodes: vec![floor(), node(cloud.clone(), 1), source.clone()],
+                nodes: vec![floor(), node(cloud, 1), source.clone()],
                 ..Scene::default()
             };
             *radiance = mean(&scene, [Vec3::new(0.02, 0.03, 0.0), Vec3::ZERO], PATH, 64).0;
