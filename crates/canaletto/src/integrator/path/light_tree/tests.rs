@@ -148,6 +148,41 @@ fn no_light_is_left_out() {
     }
 }
 
+/// The bounds of two clusters hold the corners of both boxes, and all normals of both cones.
+#[test]
+fn bounds_hold_both_clusters() {
+    let mut random = Random(35);
+    for _ in 0..2000 {
+        let pair = [(); 2].map(|()| {
+            let (a, b) = (vector(&mut random), vector(&mut random));
+            let angle = PI * f64::from(random.unit()) * f64::from(random.unit());
+            ClusterBounds {
+                min: a.min(b),
+                max: a.max(b),
+                normals: NormalCone { axis: direction(&mut random), angle },
+                emission_angle: FRAC_PI_2,
+                two_sided: random.unit() < 0.3,
+                intensity: 1.0,
+            }
+        });
+        let both = pair[0].union(pair[1]);
+        for one in pair {
+            assert!(both.min.cmple(one.min).all() && both.max.cmpge(one.max).all());
+            let across =
+                one.normals.axis.cross(both.normals.axis).normalize_or(one.normals.axis.any_orthogonal_vector());
+            for turn in 0..8 {
+                // Normals on the edge of the cone, the one that is farthest from the axis of both among them.
+                let around = glam::DQuat::from_axis_angle(one.normals.axis, f64::from(turn) * 0.25 * PI);
+                let tilt = glam::DQuat::from_axis_angle(around * across, -one.normals.angle);
+                let normal = tilt * one.normals.axis;
+                let angle = normal.dot(both.normals.axis).clamp(-1.0, 1.0).acos();
+                assert!(angle <= both.normals.angle + 1e-6, "{angle} beyond {both:?} of {pair:?}");
+            }
+        }
+        assert_eq!(both.two_sided, pair[0].two_sided || pair[1].two_sided);
+    }
+}
+
 /// Lights in one place, in a row, and in a row of growing distances make trees of bounded depth.
 #[test]
 fn every_arrangement_makes_a_tree() {
