@@ -132,6 +132,18 @@ impl Sample {
         self.sampler.two(dimension, self.index, self.count)
     }
 
+    /// A number and a point of [0, 1)² for a choice and what depends on it, such as a light and a point of it. Sobol's
+    /// sequence distributes the three jointly: those samples that choose one light have well distributed points.
+    #[inline]
+    pub fn one_and_two(&self, dimension: Dimension) -> (f64, [f64; 2]) {
+        let Sample { sampler, index, .. } = *self;
+        if sampler.kind == SamplerKind::Sobol {
+            let [u, v, w] = sobol::three(index, sampler.key_of(dimension));
+            return (w, [u, v]);
+        }
+        (self.one(dimension), self.two(dimension.of(0)))
+    }
+
     /// [`Sample::two`] for use number `n` of `of` in the sample, such as one of a light's points. The uses of all
     /// samples together are distributed like `of` times as many samples.
     pub fn two_of(&self, dimension: Dimension, n: u32, of: u32) -> [f64; 2] {

@@ -8,7 +8,9 @@
 //! 2^m points, each of 2^m equal boxes of any shape holds exactly one point. Every use in a picture takes the first two
 //! dimensions with another order of the points (Burley's padding), which is a scrambling of the index. The sequence's
 //! further dimensions would be distributed jointly with the first, but their pairs are worse nets. For the two numbers
-//! of a lens the error of 256 samples was a fifth larger. Integrals of exactly four dimensions use [`joint`] points.
+//! of a lens the error of 256 samples was a fifth larger. Integrals of exactly four dimensions use [`joint`] points. A
+//! choice with a point, as of a light or a lobe, uses [`three`]: with numbers of its own for the choice, the variance
+//! was 1.6 times as large under a sky, and equal in rooms with one lamp.
 
 use super::hash::mix;
 
@@ -19,6 +21,17 @@ pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
     std::array::from_fn(|dimension| {
         seed = mix(seed);
         fraction(scramble(digits(index, dimension), seed))
+    })
+}
+
+/// Point `index` of the first three dimensions, in the order of [`points`]. All three are distributed jointly.
+pub(super) fn three(index: u32, key: u64) -> [f64; 3] {
+    let index = scramble(index.reverse_bits(), key).reverse_bits();
+    let mut seed = key;
+    std::array::from_fn(|dimension| {
+        seed = mix(seed);
+        let digits = if dimension < 2 { digits(index, dimension) } else { digits_by(index, &THIRD) };
+        fraction(scramble(digits, seed))
     })
 }
 

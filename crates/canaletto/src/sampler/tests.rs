@@ -157,3 +157,33 @@ fn several_points_for_a_sample_are_spread_like_as_many_samples() {
         assert_eq!(all, some, "{kind:?}");
     }
 }
+
+/// Samples that choose the same one of several things have points that are as even as if there were no choice. With a
+/// choice apart they would be random ones.
+#[test]
+fn a_choice_leaves_its_points_even() {
+    let error = |joint: bool| -> f64 {
+        let (mut squares, count) = (0.0, 256);
+        for pixel in 0..400 {
+            let sampler = FrameSampler::new(4, 0, Sobol).pixel([pixel, 3]);
+            let (mut sum, mut chosen) = (0.0, 0.0);
+            for index in 0..count {
+                let sample = sampler.sample(index, count);
+                let dimension = Dimension::EYE.of(5);
+                let (choice, [u, v]) = match joint {
+                    true => sample.one_and_two(dimension),
+                    false => (sample.one(dimension.of(1)), sample.two(dimension.of(2))),
+                };
+                if choice < 0.25 {
+                    sum += u * v;
+                    chosen += 1.0;
+                }
+            }
+            squares += (sum / chosen - 0.25f64).powi(2);
+        }
+        (squares / 400.0).sqrt()
+    };
+    let (joint, apart) = (error(true), error(false));
+    println!("joint {joint:.5}, apart {apart:.5}");
+    assert!(joint < 0.6 * apart, "joint {joint}, apart {apart}");
+}

@@ -26,9 +26,7 @@ mod uses {
     pub(super) const NEXT: u32 = 1;
     pub(super) const COVERAGE: u32 = 2;
     pub(super) const LIGHT: u32 = 3;
-    pub(super) const LIGHT_POINT: u32 = 4;
     pub(super) const LOBE: u32 = 5;
-    pub(super) const DIRECTION: u32 = 6;
     pub(super) const ROULETTE: u32 = 7;
     pub(super) const DISTANCE: u32 = 8;
 }
@@ -424,7 +422,7 @@ impl PathTracer<'_> {
     /// Samples a source for a path, and sends it on in a random direction.
     pub(super) fn scatter<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Step {
         let (sample, place) = (path.sample, path.place);
-        let numbers = (sample.one(place.of(uses::LIGHT)), sample.two(place.of(uses::LIGHT_POINT)));
+        let numbers = sample.one_and_two(place.of(uses::LIGHT));
         let shadow = self.sample_source(vertex, numbers.0, numbers.1, probe).map(|shadow| (shadow, path.throughput));
         let end = self.go_on(path, vertex, probe).err();
         if let Some(end) = end {
@@ -439,7 +437,7 @@ impl PathTracer<'_> {
     /// The reason why it ends.
     fn go_on<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Result<(), PathEnd> {
         let (sample, place) = (path.sample, path.place);
-        let numbers = (sample.one(place.of(uses::LOBE)), sample.two(place.of(uses::DIRECTION)));
+        let numbers = sample.one_and_two(place.of(uses::LOBE));
         let scattered = vertex.sample(numbers.0, numbers.1).ok_or(PathEnd::Absorbed)?;
         probe.path(PathEvent::Scattered(&scattered));
         path.throughput = (path.throughput * scattered.f * (1.0 / scattered.pdf) as f32).saturated();
