@@ -25,8 +25,8 @@ use std::time::Instant;
 ///
 /// Random paths from each point find what arrives, if the scene's integrator is "path" or with --integrator path.
 /// Otherwise the light of the scene is solved by radiosity, with the settings of the scene if its integrator is
-/// "radiosity", and rays from each point find that. Each line of the points' file holds a place and a direction, x y z nx ny nz,
-/// with commas or blanks between them; the first line may hold their names.
+/// "radiosity", and rays from each point find that. Each line of the points' file holds a place and a direction, x y z
+/// nx ny nz, with commas or blanks between them; the first line may hold their names.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct MeasureFlags {

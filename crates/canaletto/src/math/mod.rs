@@ -1,5 +1,5 @@
-//! Colours, also of glowing bodies, transforms and their motion, rounding-error bounds, polynomial roots and maps of the
-//! unit square.
+//! Colours, also of glowing bodies, transforms and their motion, rounding-error bounds, polynomial roots and maps of
+//! the unit square.
 
 mod black_body;
 mod dray;

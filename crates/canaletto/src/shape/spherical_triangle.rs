@@ -2,9 +2,9 @@
 //! *Stratified Sampling of Spherical Triangles*, 1995.
 //!
 //! The first number cuts off a part of the triangle at the first corner, by an arc from the second corner to the
-//! opposite edge. Arvo finds its end by the laws of spherical trigonometry, which lose digits on thin triangles. Here it follows
-//! from the formula of the solid angle Ω itself (Van Oosterom & Strackee, *The Solid Angle of a Plane Triangle*, 1983):
-//! tan Ω/2 = det(a, b, c) / (1 + a·b + b·c + c·a). It is linear in the end's sine and cosine.
+//! opposite edge. Arvo finds its end by the laws of spherical trigonometry, which lose digits on thin triangles. Here
+//! it follows from the formula of the solid angle Ω itself (Van Oosterom & Strackee, *The Solid Angle of a Plane
+//! Triangle*, 1983): tan Ω/2 = det(a, b, c) / (1 + a·b + b·c + c·a). It is linear in the end's sine and cosine.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
