@@ -300,8 +300,9 @@ fn rough_surfaces_scatter_as_their_bsdf_evaluates() {
             let nodes = vec![Node::from(floor).with_material(1), ball(center.as_vec3(), radius as f32)];
             let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };
             let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1 << 14, Stage::Full);
-            let frame = ScatteringFrame { normal: DVec3::Y, facing: DVec3::Y, eta_ratio: 1.0 / 1.3 };
-            let bsdf = MaterialPoint { model: phong.into(), ..MaterialPoint::default() }.bsdf(frame);
+            let frame = ScatteringFrame::flat(DVec3::Y, 1.0 / 1.3);
+            let bsdf = Material::new("test", phong)
+                .bsdf(&MaterialPoint { model: phong.into(), ..MaterialPoint::default() }, frame);
             // Directions of the cone in which the ball is seen, in cells of equal solid angle.
             let axis = center.normalize();
             let (x, y) = axis.any_orthonormal_pair();
@@ -337,8 +338,9 @@ fn lit_surfaces_are_what_their_bsdf_evaluates() {
             ..Scene::default()
         };
         let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1, Stage::Specular);
-        let frame = ScatteringFrame { normal: DVec3::Y, facing: DVec3::Y, eta_ratio: 1.0 };
-        let bsdf = MaterialPoint { model: phong.into(), ..MaterialPoint::default() }.bsdf(frame);
+        let frame = ScatteringFrame::flat(DVec3::Y, 1.0);
+        let bsdf = Material::new("test", phong)
+            .bsdf(&MaterialPoint { model: phong.into(), ..MaterialPoint::default() }, frame);
         let f = f64::from(bsdf.eval(eye.normalize(), lamp.as_dvec3().normalize()).r);
         let expected = 0.8 * std::f64::consts::PI * f;
         assert!((found - expected).abs() < 1e-5, "{phong:?}: {found}, not {expected}");

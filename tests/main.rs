@@ -19,6 +19,7 @@ mod limits;
 mod noise;
 mod passes;
 mod path;
+mod presets;
 mod radiosity_explained;
 mod scale;
 mod serialised;

@@ -3,8 +3,8 @@
 use super::arithmetic::{CONSTANTS, FUNCTIONS, MAX_COPIES, MAX_KEPT_COPIES, MEDIA};
 use super::nodes::{
     self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CONDUCTOR, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE,
-    LENS, LIGHTS, MATERIAL_NODE, MEDIUM, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, SURFACE_TEXTURE, TEXTURES,
-    TRANSFORMS, kind_of,
+    LENS, LIGHTS, MATERIAL_NODE, MEDIUM, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, STANDARD, STANDARD_BLOCKS,
+    SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
 };
 use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
@@ -29,6 +29,15 @@ pub fn reference_markdown() -> String {
             &[
                 (&CONDUCTOR, "material: conductor"),
                 (&MEDIUM, "material: medium"),
+                (&STANDARD, "material: standard"),
+                (STANDARD_BLOCKS[0], "material: standard: base"),
+                (STANDARD_BLOCKS[1], "material: standard: specular"),
+                (STANDARD_BLOCKS[2], "material: standard: transmission"),
+                (STANDARD_BLOCKS[3], "material: standard: subsurface"),
+                (STANDARD_BLOCKS[4], "material: standard: coat"),
+                (STANDARD_BLOCKS[5], "material: standard: fuzz"),
+                (STANDARD_BLOCKS[6], "material: standard: thin-film"),
+                (STANDARD_BLOCKS[7], "material: standard: emission"),
                 (&SURFACE_TEXTURE, "material: texture"),
             ],
         ),

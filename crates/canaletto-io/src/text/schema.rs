@@ -174,6 +174,11 @@ impl Field<Text> {
         Field::of_type(name, ValueType::Text, doc)
     }
 
+    /// A field of one of these words.
+    pub(crate) const fn keyword(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Field<Text> {
+        Field::of_type(name, ValueType::Keyword(words), doc)
+    }
+
     /// The word that selects the schema of a node, of which this schema allows one.
     pub(crate) const fn kind(words: &'static [&'static str], doc: &'static str) -> Field<Text> {
         Field::of_type("kind", ValueType::Keyword(words), doc)

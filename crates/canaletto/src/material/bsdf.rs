@@ -3,12 +3,12 @@
 //! Directions are unit vectors that point away from the surface. An integrator adds light along `wi` to the light that
 //! leaves along `wo`. Overlay and coverage of a [`MaterialPoint`](super::MaterialPoint) are not part of it.
 
-use super::{ConductorBsdf, DielectricBsdf, MaterialModel, MaterialPoint, PhongBsdf};
+use super::{ConductorBsdf, DielectricBsdf, PhongBsdf, StandardBsdf};
 use crate::math::Rgb;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::Serialize;
 
-/// The scattering at a point, one variant for each [`MaterialModel`].
+/// The scattering at a point, one variant for each [`MaterialModel`](super::MaterialModel).
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Bsdf {
@@ -18,6 +18,8 @@ pub enum Bsdf {
     Conductor(ConductorBsdf),
     /// The boundary of a clear body by Fresnel's equations.
     Dielectric(DielectricBsdf),
+    /// The standard surface.
+    Standard(StandardBsdf),
 }
 
 /// The surface and the media at a scattering point.
@@ -27,8 +29,31 @@ pub struct ScatteringFrame {
     pub normal: DVec3,
     /// The unit geometric normal on the viewer's side.
     pub facing: DVec3,
+    /// ∂P/∂u of any length, along which anisotropic microfacets are aligned; zero where nothing needs it.
+    pub tangent: DVec3,
+    /// Whether the viewer is on the outer side.
+    pub outside: bool,
     /// The ratio ηᵢ/ηₜ of the coefficients of refraction on the viewer's side and on the other side.
     pub eta_ratio: f64,
+}
+
+impl ScatteringFrame {
+    /// A flat surface that is seen from its outer side.
+    pub fn flat(normal: DVec3, eta_ratio: f64) -> ScatteringFrame {
+        ScatteringFrame { normal, facing: normal, tangent: DVec3::ZERO, outside: true, eta_ratio }
+    }
+
+    /// The normal around which microfacets are distributed. It is on the side of `wo`.
+    pub(super) fn facet_normal(&self, wo: DVec3) -> DVec3 {
+        if wo.dot(self.normal) > 0.0 { self.normal } else { self.facing }
+    }
+
+    /// The axes of the microfacets as columns; z is their normal.
+    pub(super) fn facet_axes(&self, wo: DVec3) -> DMat3 {
+        let z = self.facet_normal(wo);
+        let x = self.tangent.reject_from_normalized(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+        DMat3::from_cols(x, z.cross(x), z)
+    }
 }
 
 /// A random direction of scattering.
@@ -62,17 +87,6 @@ pub enum Lobe {
     Refraction,
 }
 
-impl MaterialPoint {
-    /// The scattering at the point.
-    pub fn bsdf(&self, frame: ScatteringFrame) -> Bsdf {
-        match &self.model {
-            MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
-            MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
-            MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),
-        }
-    }
-}
-
 impl Bsdf {
     /// f(wo, wi) |cos θ|, where θ is the angle between `wi` and the shading normal. Delta lobes are 0 here.
     ///
@@ -82,6 +96,7 @@ impl Bsdf {
             Bsdf::Phong(phong) => phong.eval(wo, wi),
             Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
+            Bsdf::Standard(standard) => standard.eval(wo, wi),
         }
     }
 
@@ -92,6 +107,7 @@ impl Bsdf {
             Bsdf::Phong(phong) => phong.sample(wo, u_lobe, u),
             Bsdf::Conductor(conductor) => conductor.sample(wo, u),
             Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u_lobe, u),
+            Bsdf::Standard(standard) => standard.sample(wo, u_lobe, u),
         }
     }
 
@@ -102,6 +118,7 @@ impl Bsdf {
             Bsdf::Phong(phong) => phong.pdf(wo, wi),
             Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
+            Bsdf::Standard(standard) => standard.pdf(wo, wi),
         }
     }
 
@@ -111,6 +128,7 @@ impl Bsdf {
             Bsdf::Phong(phong) => phong.is_delta(),
             Bsdf::Conductor(conductor) => conductor.is_delta(),
             Bsdf::Dielectric(dielectric) => dielectric.is_delta(),
+            Bsdf::Standard(standard) => standard.is_delta(),
         }
     }
 }

@@ -4,7 +4,9 @@
 //! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part
 //! is not reciprocal.
 
-use super::{BsdfSample, Lobe, Phong, ScatteringFrame, fresnel_conductor, ggx, ggx_vndf_pdf, reflect, sample_ggx_vndf};
+use super::conductor_albedo::conductor_albedo;
+use super::ggx::Ggx;
+use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
 use crate::math::Rgb;
 use glam::DVec3;
@@ -17,17 +19,35 @@ pub struct Conductor {
     pub eta: Rgb,
     /// The absorption k ≥ 0, the imaginary part of the index.
     pub k: Rgb,
+    /// Options of the scattering by microfacets.
+    #[serde(default)]
+    pub microfacets: MicrofacetOptions,
     /// What integrators without this model take in its place. Its roughness and emission are those of the metal, too.
     pub phong: Phong,
 }
 
-/// Metals by name: η and k in red, green and blue. They are means of published measurements over the three curves.
-pub const METALS: [(&str, [f32; 3], [f32; 3]); 5] = [
+/// Metals by name: η and k in red, green and blue. The first five are means of published measurements over the three
+/// curves. The others are those at 650, 550 and 450 nm: iron, nickel, titanium, cobalt and palladium by Johnson &
+/// Christy (*Phys. Rev. B* 9, 1974), platinum and tungsten by Rakić et al. (*Appl. Opt.* 37, 1998), mercury by Inagaki
+/// et al. (*Phys. Rev. B* 23, 1981), brass of 70 % copper by Querry (1985), stainless steel by Karlsson & Ribbing (*J.
+/// Appl. Phys.* 53, 1982), all as refractiveindex.info lists them (CC0).
+#[rustfmt::skip]
+pub const METALS: [(&str, [f32; 3], [f32; 3]); 15] = [
     ("gold", [0.143, 0.375, 1.442], [3.983, 2.386, 1.603]),
     ("silver", [0.155, 0.117, 0.138], [4.828, 3.122, 2.147]),
     ("copper", [0.200, 0.924, 1.102], [3.912, 2.452, 2.142]),
     ("aluminium", [1.657, 0.880, 0.521], [9.224, 6.270, 4.837]),
     ("chromium", [4.369, 2.917, 1.655], [5.206, 4.231, 3.755]),
+    ("iron", [2.911, 2.950, 2.584], [3.089, 2.932, 2.767]),
+    ("nickel", [1.990, 1.921, 1.729], [4.209, 3.616, 2.944]),
+    ("titanium", [2.741, 2.542, 2.267], [3.814, 3.435, 3.038]),
+    ("cobalt", [2.237, 2.052, 1.736], [4.236, 3.824, 3.274]),
+    ("palladium", [1.789, 1.641, 1.408], [4.375, 3.845, 3.254]),
+    ("platinum", [2.376, 2.085, 1.845], [4.265, 3.715, 3.136]),
+    ("tungsten", [3.652, 3.506, 3.313], [2.795, 2.758, 2.605]),
+    ("mercury", [2.073, 1.552, 1.061], [5.338, 4.651, 3.863]),
+    ("brass", [0.444, 0.527, 1.094], [3.695, 2.765, 1.829]),
+    ("stainless-steel", [2.440, 2.044, 1.678], [4.182, 3.673, 3.117]),
 ];
 
 impl Conductor {
@@ -35,7 +55,7 @@ impl Conductor {
     pub fn new(eta: Rgb, k: Rgb) -> Conductor {
         let mirrored = fresnel_conductor(1.0, eta, k);
         let phong = Phong { kd: Rgb::BLACK, k: mirrored, ..Phong::default() };
-        Conductor { eta, k, phong }
+        Conductor { eta, k, microfacets: MicrofacetOptions::default(), phong }
     }
 
     /// A metal by its name in [`METALS`].
@@ -66,37 +86,41 @@ impl Conductor {
 pub struct ConductorBsdf {
     eta: Rgb,
     k: Rgb,
-    roughness: f64,
+    alpha: f64,
+    microfacets: MicrofacetOptions,
     frame: ScatteringFrame,
 }
 
 impl ConductorBsdf {
     pub(super) fn new(conductor: &Conductor, frame: ScatteringFrame) -> ConductorBsdf {
-        let Conductor { eta, k, phong } = conductor;
-        ConductorBsdf { eta: *eta, k: *k, roughness: phong.roughness.into(), frame }
+        let Conductor { eta, k, microfacets, phong } = conductor;
+        let roughness = f64::from(phong.roughness);
+        ConductorBsdf { eta: *eta, k: *k, alpha: roughness * roughness, microfacets: *microfacets, frame }
     }
 
     pub(super) fn is_delta(&self) -> bool {
-        self.roughness == 0.0
+        self.alpha == 0.0
     }
 
-    /// The normal around which microfacets are distributed. It is on the side of `wo`.
-    fn normal(&self, wo: DVec3) -> DVec3 {
-        if wo.dot(self.frame.normal) > 0.0 { self.frame.normal } else { self.frame.facing }
+    fn ggx(&self) -> Ggx {
+        Ggx::isotropic(self.alpha, self.microfacets.masking)
     }
 
     pub(super) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        let normal = self.normal(wo);
-        let (o, i) = (wo.dot(normal), wi.dot(normal));
-        if self.is_delta() || i <= 0.0 || wi.dot(self.frame.facing) <= 0.0 {
+        if self.is_delta() || wi.dot(self.frame.facing) <= 0.0 {
             return Rgb::BLACK;
         }
-        let Some(m) = (wo + wi).try_normalize() else { return Rgb::BLACK };
-        // F D G₂ / (4 wo·n), where D G₁ wo·m / wo·n is the density of visible normals.
-        let cos = wo.dot(m);
-        let density = ggx_vndf_pdf(wo, normal, self.roughness, m) / (4.0 * cos);
-        let f = fresnel_conductor(cos, self.eta, self.k) * (density * ggx::shadowing(o, i, self.roughness)) as f32;
-        let albedo = ggx::albedo(o, self.roughness) as f32;
+        let axes = self.frame.facet_axes(wo).transpose();
+        let (wo, wi) = (axes * wo, axes * wi);
+        let Some(m) = (wo + wi).try_normalize().filter(|_| wi.z > 0.0) else { return Rgb::BLACK };
+        let ggx = self.ggx();
+        // F D G₂ / (4 wo·n)
+        let facets = ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
+        let f = fresnel_conductor(wo.dot(m), self.eta, self.k) * facets as f32;
+        if !self.microfacets.multiple_scattering {
+            return f;
+        }
+        let albedo = conductor_albedo(wo.z, self.alpha, self.microfacets.masking) as f32;
         let lost = (1.0 - albedo) / albedo;
         f * (Rgb::WHITE + fresnel_conductor(1.0, self.eta, self.k) * lost)
     }
@@ -105,34 +129,40 @@ impl ConductorBsdf {
         if self.is_delta() {
             return 0.0;
         }
-        let Some(m) = (wo + wi).try_normalize() else { return 0.0 };
-        ggx_vndf_pdf(wo, self.normal(wo), self.roughness, m) / (4.0 * wo.dot(m))
+        let axes = self.frame.facet_axes(wo).transpose();
+        let (wo, wi) = (axes * wo, axes * wi);
+        if wi.z <= 0.0 {
+            return 0.0;
+        }
+        (wo + wi).try_normalize().map_or(0.0, |m| self.ggx().mirrored_pdf(wo, m))
     }
 
     pub(super) fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<BsdfSample> {
-        let normal = self.normal(wo);
         let lobe = Lobe::Mirror;
         if self.is_delta() {
+            let normal = self.frame.facet_normal(wo);
             let mirrored = reflect(wo, normal);
             let wi = if mirrored.dot(self.frame.facing) > 0.0 { mirrored } else { reflect(wo, self.frame.facing) };
             let f = fresnel_conductor(wo.dot(normal), self.eta, self.k);
             return Some(BsdfSample { wi, f, pdf: 1.0, lobe, is_delta: true });
         }
-        let wi = reflect(wo, sample_ggx_vndf(wo, normal, self.roughness, u));
-        Some(BsdfSample { wi, f: self.eval(wo, wi), pdf: self.pdf(wo, wi), lobe, is_delta: false })
+        let axes = self.frame.facet_axes(wo);
+        let local = axes.transpose() * wo;
+        let wi = (axes * reflect(local, self.ggx().sample_mirroring(local, u))).normalize();
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wo, wi), pdf, lobe, is_delta: false })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::bsdf_tests::{albedo, check_density};
-    use super::super::{Bsdf, MaterialPoint};
+    use super::super::Bsdf;
+    use super::super::bsdf_tests::{albedo, bsdf_of, check_density};
     use super::*;
 
     fn metal(conductor: Conductor, roughness: f32) -> Bsdf {
         let conductor = Conductor { phong: Phong { roughness, ..conductor.phong }, ..conductor };
-        let frame = ScatteringFrame { normal: DVec3::Z, facing: DVec3::Z, eta_ratio: 1.0 };
-        MaterialPoint { model: conductor.into(), ..MaterialPoint::default() }.bsdf(frame)
+        bsdf_of(conductor, ScatteringFrame::flat(DVec3::Z, 1.0))
     }
 
     /// A metal with k ≫ η reflects nearly all light. It is white at any roughness and angle.

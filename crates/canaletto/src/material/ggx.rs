@@ -1,79 +1,160 @@
-//! The GGX distribution of microfacets with height-correlated shadowing and masking (Walter et al. 2007; Heitz,
-//! *Understanding the Masking-Shadowing Function*, 2014), and the light that one scattering loses.
+//! The GGX distribution of microfacets (Walter et al., *Microfacet Models for Refraction through Rough Surfaces*, 2007)
+//! with Smith's masking and shadowing (Heitz, *Understanding the Masking-Shadowing Function*, 2014).
+//!
+//! All directions are in the frame of the surface, where z is the normal and the viewer is above it.
 
-use super::microfacet::sample_ggx_vndf;
-use super::reflect;
-use glam::DVec3;
-use std::sync::LazyLock;
+use crate::named;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
 
-/// Λ of Smith's masking function. `cos` is the cosine between a direction and the normal, of any sign but not 0.
-fn lambda(cos: f64, alpha: f64) -> f64 {
-    let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
-    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
+/// The relation between the microfacets that the viewer sees and those that light reaches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Masking {
+    /// High facets are seen more often and lit more often: G₂ = 1 / (1 + Λ(wo) + Λ(wi)).
+    #[default]
+    HeightCorrelated,
+    /// Both are independent: G₂ = G₁(wo) G₁(wi). Some programs use this older form.
+    Separable,
 }
 
-/// G₂ / G₁(wo): the share of the microfacets seen from one direction that the other one sees, too. The cosines are
-/// those of the directions and the normal.
-pub(super) fn shadowing(cos_o: f64, cos_i: f64, roughness: f64) -> f64 {
-    let alpha = roughness * roughness;
-    let (o, i) = (lambda(cos_o, alpha), lambda(cos_i, alpha));
-    (1.0 + o) / (1.0 + o + i)
-}
-
-/// The rows (roughness) and columns (cosine) of [`ALBEDOS`].
-const SIDE: usize = 32;
-
-/// The albedo of a rough metal that reflects all light, for one scattering: what doesn't leave at once is missing.
-static ALBEDOS: LazyLock<[[f32; SIDE]; SIDE]> = LazyLock::new(|| {
-    std::array::from_fn(|row| std::array::from_fn(|column| single_scattering_albedo(place(column), place(row)) as f32))
+named!(Masking {
+    HeightCorrelated => "height-correlated",
+    Separable => "separable",
 });
 
-/// The value of a row or column, from nearly 0 to 1.
-fn place(index: usize) -> f64 {
-    (index as f64 / (SIDE - 1) as f64).max(1e-3)
+/// What scattering by microfacets leaves out or simplifies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MicrofacetOptions {
+    /// The masking function.
+    #[serde(default)]
+    pub masking: Masking,
+    /// Whether light that goes from facet to facet is given back. Without it rough surfaces are too dark.
+    #[serde(default = "yes")]
+    pub multiple_scattering: bool,
 }
 
-/// The mean of G₂ / G₁ over the microfacets that are seen from a direction.
-fn single_scattering_albedo(cos: f64, roughness: f64) -> f64 {
-    const POINTS: u32 = 1024;
-    let wo = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
-    let mut sum = 0.0;
-    for i in 0..POINTS {
-        // Few facets lean far, so that number has the finer steps.
-        let u = [(f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(POINTS)];
-        let wi = reflect(wo, sample_ggx_vndf(wo, DVec3::Z, roughness, u));
-        if wi.z > 0.0 {
-            sum += shadowing(cos, wi.z, roughness);
+fn yes() -> bool {
+    true
+}
+
+impl Default for MicrofacetOptions {
+    fn default() -> MicrofacetOptions {
+        MicrofacetOptions { masking: Masking::default(), multiple_scattering: true }
+    }
+}
+
+/// The distribution of microfacets on a rough surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ggx {
+    /// The widths αx and αy > 0 along the two axes of the surface.
+    pub(super) alpha: [f64; 2],
+    pub(super) masking: Masking,
+}
+
+impl Ggx {
+    /// The distribution of width α in all directions.
+    pub(super) fn isotropic(alpha: f64, masking: Masking) -> Ggx {
+        Ggx { alpha: [alpha; 2], masking }
+    }
+
+    /// The direction with x and y scaled by α.
+    fn scaled(&self, w: DVec3) -> DVec2 {
+        DVec2::new(w.x * self.alpha[0], w.y * self.alpha[1])
+    }
+
+    /// D(m), the density of facets with the unit normal `m` per unit of solid angle and of the surface's area.
+    pub(super) fn d(&self, m: DVec3) -> f64 {
+        if m.z <= 0.0 {
+            return 0.0;
+        }
+        let [ax, ay] = self.alpha;
+        let (x, y) = (m.x / ax, m.y / ay);
+        // D(m) = 1 / (π αx αy (x²/αx² + y²/αy² + z²)²)
+        let spread = x * x + y * y + m.z * m.z;
+        1.0 / (PI * ax * ay * spread * spread)
+    }
+
+    /// Λ of Smith's masking function for a direction off the surface's plane.
+    pub(super) fn lambda(&self, w: DVec3) -> f64 {
+        0.5 * ((1.0 + self.scaled(w).length_squared() / (w.z * w.z)).sqrt() - 1.0)
+    }
+
+    /// G₁(w): the share of the facets facing a direction that is seen from it.
+    fn g1(&self, w: DVec3) -> f64 {
+        1.0 / (1.0 + self.lambda(w))
+    }
+
+    /// G₂ / G₁(wo): the share of the facets seen by the viewer that light along `wi` reaches. `wi` is on either side.
+    pub(super) fn shadowing(&self, wo: DVec3, wi: DVec3) -> f64 {
+        let i = self.lambda(wi);
+        match self.masking {
+            Masking::Separable => 1.0 / (1.0 + i),
+            Masking::HeightCorrelated => {
+                let o = self.lambda(wo);
+                (1.0 + o) / (1.0 + o + i)
+            }
         }
     }
-    sum / f64::from(POINTS)
-}
 
-/// E(cos θ, roughness): the albedo of one scattering by a metal that reflects all light, interpolated in a table.
-pub(super) fn albedo(cos: f64, roughness: f64) -> f64 {
-    let [(row, down), (column, right)] = [roughness, cos].map(|value| {
-        let at = value.clamp(0.0, 1.0) * (SIDE - 1) as f64;
-        let index = (at as usize).min(SIDE - 2);
-        (index, at - index as f64)
-    });
-    let table = &*ALBEDOS;
-    let along = |row: usize| f64::from(table[row][column]) * (1.0 - right) + f64::from(table[row][column + 1]) * right;
-    along(row) * (1.0 - down) + along(row + 1) * down
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// E(1) by numerical integration over tan² θ, and 1 − ln 2 for α = 1.
-    #[test]
-    fn albedos_are_the_known_ones() {
-        for (alpha, cos, expected) in
-            [(1.0f64, 1.0, 1.0 - std::f64::consts::LN_2), (0.5, 1.0, 0.687_849), (0.2, 1.0, 0.947_658)]
-        {
-            let ours = single_scattering_albedo(cos, alpha.sqrt());
-            assert!((ours - expected).abs() < 2e-3, "{alpha}: {ours}");
-            assert!((albedo(cos, alpha.sqrt()) - ours).abs() < 5e-3, "{alpha}: {}", albedo(cos, alpha.sqrt()));
-        }
+    /// G₂: the share of the facets that both the viewer and the light reach.
+    pub(super) fn g2(&self, wo: DVec3, wi: DVec3) -> f64 {
+        self.g1(wo) * self.shadowing(wo, wi)
     }
+
+    /// The viewer's direction where the facets form a sphere.
+    pub(super) fn squeezed(&self, wo: DVec3) -> DVec3 {
+        self.scaled(wo).extend(wo.z.max(0.0)).normalize()
+    }
+
+    /// The normal of the facet at `u` of the unit square that the viewer sees (Dupuy & Benyoub, *Sampling Visible GGX
+    /// Normals with Spherical Caps*, 2023).
+    pub(super) fn sample_visible(&self, wo: DVec3, u: [f64; 2]) -> DVec3 {
+        let squeezed = self.squeezed(wo);
+        self.on_cap(squeezed, squeezed.z, on_circle(u[0]), u[1])
+    }
+
+    /// The density of [`Ggx::sample_visible`], D(m) G₁(wo) max(0, wo·m) / wo·n.
+    pub(super) fn visible_pdf(&self, wo: DVec3, m: DVec3) -> f64 {
+        // G₁(wo) / (wo·n) = 2 / (wo·n + √((wo·n)² + αx² x² + αy² y²))
+        let seen = 2.0 / (wo.z + (wo.z * wo.z + self.scaled(wo).length_squared()).sqrt());
+        self.d(m) * seen * wo.dot(m).max(0.0)
+    }
+
+    /// The facet's normal at `u` of the unit square whose mirrored direction is rarely below the surface (Eto &
+    /// Tokuyoshi, *Bounded VNDF Sampling for Smith–GGX Reflections*, 2023).
+    pub(super) fn sample_mirroring(&self, wo: DVec3, u: [f64; 2]) -> DVec3 {
+        let squeezed = self.squeezed(wo);
+        self.on_cap(squeezed, self.bound(wo) * squeezed.z, on_circle(u[0]), u[1])
+    }
+
+    /// The density of the directions mirrored in [`Ggx::sample_mirroring`]'s normals, for the facet `m` between `wo`
+    /// and the mirrored direction.
+    pub(super) fn mirrored_pdf(&self, wo: DVec3, m: DVec3) -> f64 {
+        let length = (wo.z * wo.z + self.scaled(wo).length_squared()).sqrt();
+        self.d(m) / (2.0 * (self.bound(wo) * wo.z + length))
+    }
+
+    /// k of (5) of Eto & Tokuyoshi: where the cap of facets ends, as a share of the viewer's height.
+    fn bound(&self, wo: DVec3) -> f64 {
+        let a = self.alpha[0].min(self.alpha[1]).min(1.0);
+        let s = 1.0 + wo.truncate().length();
+        let (a2, s2) = (a * a, s * s);
+        (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
+    }
+
+    /// The facet's normal of a point of the spherical cap above −`bottom`, for a viewer at `squeezed` where the facets
+    /// form a sphere. The point has the direction `circle` around the axis, and `u` of the cap's area is above it.
+    pub(super) fn on_cap(&self, squeezed: DVec3, bottom: f64, circle: DVec2, u: f64) -> DVec3 {
+        let z = (1.0 - u) * (1.0 + bottom) - bottom;
+        let half = (circle * (1.0 - z * z).max(0.0).sqrt()).extend(z) + squeezed;
+        self.scaled(half).extend(half.z.max(0.0)).try_normalize().unwrap_or(DVec3::Z)
+    }
+}
+
+/// The point of the unit circle after this part of a turn.
+pub(super) fn on_circle(turn: f64) -> DVec2 {
+    let (sin, cos) = libm::sincos(TAU * turn);
+    DVec2::new(cos, sin)
 }

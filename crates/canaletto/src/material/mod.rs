@@ -5,7 +5,9 @@ mod bsdf;
 mod bsdf_tests;
 mod bump;
 mod conductor;
+mod conductor_albedo;
 mod dielectric;
+mod dielectric_albedo;
 mod fresnel;
 mod ggx;
 mod mapping;
@@ -16,6 +18,7 @@ mod parameter;
 mod phong;
 mod phong_bsdf;
 mod refract;
+mod standard;
 mod texture_use;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
@@ -23,6 +26,7 @@ pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub use dielectric::{Dielectric, DielectricBsdf};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use ggx::{Masking, MicrofacetOptions};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use medium::{HenyeyGreenstein, Medium, MediumSample};
 pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};
@@ -32,6 +36,11 @@ pub use phong::Phong;
 pub(crate) use phong::highlights;
 pub use phong_bsdf::PhongBsdf;
 pub use refract::{reflect, refract};
+pub use standard::{
+    PRESETS, Preset, StandardBase, StandardBlock, StandardBsdf, StandardCoat, StandardEmission, StandardFuzz,
+    StandardParameter, StandardPoint, StandardSpecular, StandardSubsurface, StandardSurface, StandardThinFilm,
+    StandardTransmission,
+};
 pub use texture_use::{Channel, Target, TextureUse};
 
 use crate::Named;
@@ -48,6 +57,9 @@ pub struct Material {
     /// The model and its numbers.
     #[serde(flatten)]
     pub model: MaterialModel,
+    /// The numbers of the standard surface, of which the model holds what textures drive. Other models have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard: Option<Box<StandardSurface>>,
     /// The share of the surface that exists, 0 (nothing) to 1: alpha of glTF, `d` of MTL. Light passes straight through
     /// the rest, by 1 − coverage, and the rest is not shaded. Opacity is different: a transparent surface such as glass
     /// is shaded as a whole.
@@ -78,6 +90,7 @@ impl Default for Material {
         Material {
             name: String::new(),
             model: MaterialModel::default(),
+            standard: None,
             coverage: whole(),
             priority: 0.0,
             two_sided: false,
@@ -91,6 +104,20 @@ impl Material {
     /// A material without textures.
     pub fn new(name: impl Into<String>, model: impl Into<MaterialModel>) -> Material {
         Material { name: name.into(), model: model.into(), ..Material::default() }
+    }
+
+    /// A material of the standard surface without textures.
+    pub fn new_standard(name: impl Into<String>, surface: StandardSurface) -> Material {
+        let mut material = Material::new(name, Phong::default());
+        material.set_standard(surface);
+        material
+    }
+
+    /// Makes the material one of the standard surface. What absorbs light inside its clear bodies follows from it.
+    pub fn set_standard(&mut self, surface: StandardSurface) {
+        self.model = MaterialModel::Standard(surface.point());
+        self.medium = Medium { absorption: surface.absorption(), ..Medium::VACUUM };
+        self.standard = Some(Box::new(surface));
     }
 
     /// Returns the material with this coverage.
@@ -133,9 +160,47 @@ impl Material {
         let MaterialPoint { model, overlay, coverage, normal_bent, two_sided } = point;
         *model = self.model;
         if let Some(color) = color {
-            model.phong_mut().kd = color;
+            self.set_color(model, color);
         }
         (*overlay, *coverage, *normal_bent, *two_sided) = ((Rgb::BLACK, 0.0), self.coverage, false, self.two_sided);
+    }
+
+    /// Sets the colour in diffuse light.
+    #[inline]
+    fn set_color(&self, model: &mut MaterialModel, color: Rgb) {
+        match (model, &self.standard) {
+            (MaterialModel::Standard(point), Some(surface)) => {
+                point.base_color = color;
+                point.approximate(surface);
+            }
+            (model, _) => model.phong_mut().kd = color,
+        }
+    }
+
+    /// Finishes a point whose textures have been applied.
+    #[inline]
+    pub(crate) fn finish(&self, point: &mut MaterialPoint) {
+        if let (MaterialModel::Standard(standard), Some(surface)) = (&mut point.model, &self.standard) {
+            standard.approximate(surface);
+        }
+    }
+
+    /// The scattering at a point of the material.
+    pub fn bsdf(&self, point: &MaterialPoint, frame: ScatteringFrame) -> Bsdf {
+        match &point.model {
+            MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
+            MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
+            MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),
+            MaterialModel::Standard(standard) => {
+                let surface = self.standard.as_deref().copied().unwrap_or_default();
+                Bsdf::Standard(StandardBsdf::new(&surface, standard, frame))
+            }
+        }
+    }
+
+    /// Whether the scattering depends on ∂P/∂u.
+    pub fn is_anisotropic(&self) -> bool {
+        self.standard.as_ref().is_some_and(|surface| surface.specular.anisotropy > 0.0 || surface.coat.anisotropy > 0.0)
     }
 
     /// The coefficients of (5.39b).
@@ -175,6 +240,13 @@ impl Material {
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         self.model.check()?;
+        match (&self.model, &self.standard) {
+            (MaterialModel::Standard(_), Some(surface)) => surface.check()?,
+            (MaterialModel::Standard(_), None) => {
+                return Err(OutOfRange::new("standard", "is the model, and its numbers are missing"));
+            }
+            _ => {}
+        }
         self.medium.check()?;
         if !(0.0..=1.0).contains(&self.coverage) {
             return Err(OutOfRange::new(

@@ -1,6 +1,6 @@
 //! The closed set of material models.
 
-use super::{Conductor, Dielectric, Phong};
+use super::{Conductor, Dielectric, MicrofacetOptions, Phong, StandardPoint};
 use crate::OutOfRange;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,8 @@ pub enum MaterialModel {
     Conductor(Conductor),
     /// A clear body whose boundary obeys Fresnel's equations.
     Dielectric(Dielectric),
+    /// The standard surface, of which the material holds the other numbers.
+    Standard(StandardPoint),
 }
 
 impl Default for MaterialModel {
@@ -49,7 +51,8 @@ impl MaterialModel {
         match self {
             MaterialModel::Phong(phong)
             | MaterialModel::Conductor(Conductor { phong, .. })
-            | MaterialModel::Dielectric(Dielectric { phong }) => phong,
+            | MaterialModel::Dielectric(Dielectric { phong, .. })
+            | MaterialModel::Standard(StandardPoint { phong, .. }) => phong,
         }
     }
 
@@ -59,7 +62,17 @@ impl MaterialModel {
         match self {
             MaterialModel::Phong(phong)
             | MaterialModel::Conductor(Conductor { phong, .. })
-            | MaterialModel::Dielectric(Dielectric { phong }) => phong,
+            | MaterialModel::Dielectric(Dielectric { phong, .. })
+            | MaterialModel::Standard(StandardPoint { phong, .. }) => phong,
+        }
+    }
+
+    /// The options of the scattering by microfacets, of models that have them.
+    pub fn microfacets_mut(&mut self) -> Option<&mut MicrofacetOptions> {
+        match self {
+            MaterialModel::Phong(_) | MaterialModel::Standard(_) => None,
+            MaterialModel::Conductor(Conductor { microfacets, .. })
+            | MaterialModel::Dielectric(Dielectric { microfacets, .. }) => Some(microfacets),
         }
     }
 
@@ -77,6 +90,18 @@ impl MaterialModel {
             MaterialModel::Phong(phong) => phong.check(),
             MaterialModel::Conductor(conductor) => conductor.check(),
             MaterialModel::Dielectric(dielectric) => dielectric.check(),
+            MaterialModel::Standard(standard) => standard.phong.check(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every hit of every integrator copies a model, so none may make it larger than a metal with its options.
+    #[test]
+    fn models_are_small() {
+        assert!(size_of::<MaterialModel>() <= 92, "{}", size_of::<MaterialModel>());
     }
 }

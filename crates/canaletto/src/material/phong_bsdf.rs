@@ -64,11 +64,6 @@ impl PhongBsdf {
         LOBES.iter().enumerate().all(|(i, lobe)| self.probability(i) == 0.0 || self.is_delta_lobe(*lobe))
     }
 
-    /// The normal around which microfacets are distributed. It is on the side of `wo`.
-    fn facets(&self, wo: DVec3) -> DVec3 {
-        if wo.dot(self.frame.normal) > 0.0 { self.frame.normal } else { self.frame.facing }
-    }
-
     /// Whether a direction is on the viewer's side of the surface and of the shading normal.
     fn is_above(&self, wi: DVec3) -> bool {
         self.frame.normal.dot(wi) > 0.0 && self.frame.facing.dot(wi) > 0.0
@@ -140,7 +135,7 @@ impl PhongBsdf {
     /// A random microfacet's normal, if the surface is rough.
     fn microfacet(&self, wo: DVec3, u: [f64; 2]) -> Option<DVec3> {
         let roughness = f64::from(self.phong.roughness);
-        (roughness > 0.0).then(|| sample_ggx_vndf(wo, self.facets(wo), roughness, u))
+        (roughness > 0.0).then(|| sample_ggx_vndf(wo, self.frame.facet_normal(wo), roughness, u))
     }
 
     /// The direction mirrored in a microfacet, or in the smooth surface. It stays above the geometric surface.
@@ -192,12 +187,12 @@ impl PhongBsdf {
         if total && self.frame.eta_ratio * self.frame.eta_ratio * (1.0 - cos * cos) < 1.0 {
             return 0.0;
         }
-        ggx_vndf_pdf(wo, self.facets(wo), self.phong.roughness.into(), m) / (4.0 * cos)
+        ggx_vndf_pdf(wo, self.frame.facet_normal(wo), self.phong.roughness.into(), m) / (4.0 * cos)
     }
 
     /// The density of directions refracted by a microfacet, before folding (Walter et al. 2007, (16) and (17)).
     fn facet_refraction_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let (ratio, normal) = (self.frame.eta_ratio, self.facets(wo));
+        let (ratio, normal) = (self.frame.eta_ratio, self.frame.facet_normal(wo));
         let Some(m) = (wo * ratio + wi).try_normalize() else { return 0.0 };
         let m = if m.dot(normal) < 0.0 { -m } else { m };
         let (o, i) = (wo.dot(m), wi.dot(m));

@@ -1,4 +1,5 @@
-use super::super::{Bsdf, MaterialModel, MaterialPoint};
+use super::super::Bsdf;
+use super::super::bsdf_tests::bsdf_of;
 use super::*;
 use crate::shape::testing::Random;
 use std::f64::consts::PI;
@@ -19,11 +20,11 @@ fn direction(random: &mut Random) -> DVec3 {
 }
 
 fn bsdf(phong: Phong, frame: ScatteringFrame) -> Bsdf {
-    MaterialPoint { model: MaterialModel::Phong(phong), ..MaterialPoint::default() }.bsdf(frame)
+    bsdf_of(phong, frame)
 }
 
 fn flat(eta_ratio: f64) -> ScatteringFrame {
-    ScatteringFrame { normal: DVec3::Z, facing: DVec3::Z, eta_ratio }
+    ScatteringFrame::flat(DVec3::Z, eta_ratio)
 }
 
 /// A direction above the surface, at least a little.
@@ -48,7 +49,7 @@ fn cases(random: &mut Random) -> Vec<(Phong, ScatteringFrame, DVec3)> {
         };
         let normal = if i % 2 == 0 { DVec3::Z } else { (DVec3::Z + direction(random) * 0.3).normalize() };
         let eta_ratio = [1.0 / 1.5, 1.5, 1.0][i % 3];
-        all.push((phong, ScatteringFrame { normal, facing: DVec3::Z, eta_ratio }, above(random)));
+        all.push((phong, ScatteringFrame { normal, ..flat(eta_ratio) }, above(random)));
     }
     all
 }

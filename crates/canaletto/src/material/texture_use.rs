@@ -1,7 +1,7 @@
 //! The use of a texture by a material (5.5): colours that replace or cover the shaded one, any number of the model,
 //! holes, bumps.
 
-use super::{Mapping, MaterialPoint, Parameter};
+use super::{Mapping, MaterialModel, MaterialPoint, Parameter};
 use crate::math::Rgb;
 use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
@@ -51,6 +51,8 @@ pub enum Target {
         /// Whether y is towards larger v, as in Direct3D.
         down: bool,
     },
+    /// The share of metal of the standard surface.
+    Metalness,
     /// A parameter of the material's model.
     #[serde(untagged)]
     Parameter(Parameter),
@@ -96,18 +98,19 @@ impl Channel {
 }
 
 /// The targets: colours over the shaded one, the parameters of the model, then what changes the surface itself.
-const TARGETS: [Target; Parameter::COUNT + 6] = {
-    let mut all = [Target::Replace; Parameter::COUNT + 6];
+const TARGETS: [Target; Parameter::COUNT + 7] = {
+    let mut all = [Target::Replace; Parameter::COUNT + 7];
     all[1] = Target::Decal;
     let mut i = 0;
     while i < Parameter::COUNT {
         all[2 + i] = Target::Parameter(Parameter::ALL[i].parameter);
         i += 1;
     }
-    all[2 + i] = Target::Cutout;
-    all[3 + i] = Target::Bump;
-    all[4 + i] = Target::Displace { detail: Target::DEFAULT_DETAIL };
-    all[5 + i] = Target::Normal { strength: 1.0, down: false };
+    all[2 + i] = Target::Metalness;
+    all[3 + i] = Target::Cutout;
+    all[4 + i] = Target::Bump;
+    all[5 + i] = Target::Displace { detail: Target::DEFAULT_DETAIL };
+    all[6 + i] = Target::Normal { strength: 1.0, down: false };
     all
 };
 
@@ -148,6 +151,7 @@ impl Target {
             Target::Parameter(parameter) => parameter.info().target,
             Target::Replace => "replace",
             Target::Decal => "decal",
+            Target::Metalness => "metalness",
             Target::Cutout => "cutout",
             Target::Bump => "bump",
             Target::Displace { .. } => "displace",
@@ -161,7 +165,9 @@ impl Target {
         match self {
             Target::Replace | Target::Decal => true,
             Target::Parameter(parameter) => parameter.info().is_color(),
-            Target::Cutout | Target::Bump | Target::Displace { .. } | Target::Normal { .. } => false,
+            Target::Metalness | Target::Cutout | Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {
+                false
+            }
         }
     }
 
@@ -233,8 +239,16 @@ impl TextureUse {
                     point.overlay = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
                 }
             }
-            Target::Parameter(parameter) => {
-                parameter.info().set_textured(point.model.phong_mut(), color, number);
+            Target::Parameter(parameter) => match (&mut point.model, parameter) {
+                (MaterialModel::Standard(standard), Parameter::Diffuse) => {
+                    standard.base_color = color().map(|share| share.min(1.0));
+                }
+                (model, _) => parameter.info().set_textured(model.phong_mut(), color, number),
+            },
+            Target::Metalness => {
+                if let MaterialModel::Standard(standard) = &mut point.model {
+                    standard.metalness = number().min(1.0);
+                }
             }
             Target::Cutout => point.coverage = number().min(1.0),
             Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {}

@@ -160,6 +160,7 @@ impl World {
                 });
             }
         }
+        material.finish(&mut point);
         if point.normal_bent {
             surface.shading_normal = match &local.to_world {
                 None => normal,

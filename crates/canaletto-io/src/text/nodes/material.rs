@@ -1,18 +1,20 @@
 //! The node of a material.
 
+use super::standard::STANDARD_FIELD;
 use super::surface_texture::TEXTURE;
 use super::{change, lights};
 use crate::text::arithmetic::DIELECTRIC;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
+use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, flag, quoted, rgb};
 use crate::text::syntax::{self, Node, Span};
-use canaletto::OutOfRange;
 use canaletto::material::{
-    Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter, ParameterInfo, ParameterValue, Phong,
+    Conductor, Dielectric, METALS, Masking, Material, MaterialModel, Medium, MicrofacetOptions, Parameter,
+    ParameterInfo, ParameterValue, Phong, Target,
 };
 use canaletto::math::Rgb;
+use canaletto::{Named, OutOfRange};
 use std::collections::HashMap;
 
 const NAME: Field<Text> = Field::text("name", "the name that objects refer to").needed();
@@ -130,6 +132,18 @@ const MEDIUM_FIELD: Field<Block> = Field::block(&MEDIUM, "smoke, fog or another 
 const ALPHA: Field<f32> =
     Field::new("alpha", "instead of roughness: its square, the width of the distribution of microfacets");
 
+const MASKING: Field<Masking> = Field::word(
+    "masking",
+    "for rough metals and clear bodies: whether the microfacets that are seen are also lit more often, or both are \
+     independent, as in some other programs",
+)
+.or(|| quoted(Masking::default().name()));
+const MULTIPLE_SCATTERING: Field<bool> = Field::new(
+    "multiple-scattering",
+    "for rough metals and clear bodies: #false loses the light that goes from microfacet to microfacet",
+)
+.or(|| flag(MicrofacetOptions::default().multiple_scattering));
+
 /// What the two models leave out.
 const OF_PHONG: [Parameter; 6] = [
     Parameter::Diffuse,
@@ -149,7 +163,10 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
         &[
             CONDUCTOR_FIELD.schema,
             DIELECTRIC_FIELD.schema,
+            STANDARD_FIELD.schema,
             ALPHA.schema,
+            MASKING.schema,
+            MULTIPLE_SCATTERING.schema,
             ABSORPTION.schema,
             MEDIUM_FIELD.schema,
             TEMPERATURE.schema,
@@ -257,18 +274,84 @@ impl<'a> Decoder<'a> {
         Some(medium)
     }
 
+    /// Changes the options of the scattering by microfacets.
+    fn change_microfacets(&mut self, fields: &Fields, model: &mut MaterialModel) {
+        let (masking, multiple_scattering) = (fields.word(&MASKING), fields.get(&MULTIPLE_SCATTERING));
+        if let Some(options) = model.microfacets_mut() {
+            change(&mut options.masking, masking);
+            change(&mut options.multiple_scattering, multiple_scattering);
+            return;
+        }
+        for (name, given) in
+            [(MASKING.name(), masking.is_some()), (MULTIPLE_SCATTERING.name(), multiple_scattering.is_some())]
+        {
+            if given {
+                self.out_of_range(fields, &OutOfRange::new(name, "is for conductor and dielectric; leave it out"));
+            }
+        }
+    }
+
+    /// Changes what a material of the standard surface has beside its block.
+    fn change_beside_standard(&mut self, fields: &Fields, material: &mut Material) {
+        let in_block = Parameter::ALL.iter().map(|row| row.name).chain([
+            ALPHA.name(),
+            ABSORPTION.name(),
+            TEMPERATURE.name(),
+            MASKING.name(),
+            MULTIPLE_SCATTERING.name(),
+        ]);
+        for name in in_block.filter(|name| fields.has_named(name)) {
+            let problem = "isn't of the standard surface, whose numbers stand in its block; leave it out";
+            self.out_of_range(fields, &OutOfRange::new(name, problem));
+        }
+        change(&mut material.coverage, fields.get(&COVERAGE));
+        change(&mut material.priority, fields.get(&PRIORITY));
+        change(&mut material.two_sided, fields.get(&TWO_SIDED));
+        let checked = material.check();
+        let textures = self.surface_textures(fields);
+        if !textures.is_empty() {
+            material.textures = textures;
+        }
+        self.fit_textures_to_standard(fields, material);
+        if let Err(problem) = checked {
+            self.out_of_range(fields, &problem);
+        }
+        self.doubt_two_sided(fields, &TWO_SIDED, material.may_emit());
+    }
+
+    /// Gives textures their meaning on a standard surface: its opacity is the share that is there.
+    fn fit_textures_to_standard(&mut self, fields: &Fields, material: &mut Material) {
+        for texture in &mut material.textures {
+            match texture.target {
+                Target::Parameter(Parameter::Opacity) => texture.target = Target::Cutout,
+                Target::Parameter(Parameter::Diffuse | Parameter::Roughness | Parameter::Emission) => {}
+                Target::Parameter(parameter) => {
+                    let problem = format!("for {:?} has no meaning on the standard surface", parameter.info().target);
+                    self.out_of_range(fields, &OutOfRange::new(TEXTURE.name(), problem));
+                }
+                _ => {}
+            }
+        }
+    }
+
     fn change_material(&mut self, fields: &Fields, material: &mut Material) {
         let medium = self.medium(fields);
+        if self.change_standard(fields, material) {
+            change(&mut material.medium, medium);
+            self.change_beside_standard(fields, material);
+            return;
+        }
         // A medium alone has no surface.
         let fills_all = medium.is_some() && OF_PHONG.iter().all(|row| !fields.has_named(row.info().name));
         let bare =
             || (fills_all && matches!(material.model, MaterialModel::Phong(_))).then(|| Dielectric::new(1.0).into());
         if let Some(model) = self.physical_model(fields).or_else(bare) {
             let Phong { roughness, emission, .. } = *material.phong();
-            material.model = model;
+            (material.model, material.standard) = (model, None);
             let phong = material.model.phong_mut();
             (phong.roughness, phong.emission) = (roughness, emission);
         }
+        self.change_microfacets(fields, &mut material.model);
         let alpha = fields.get(&ALPHA);
         if let Some(alpha) = alpha.filter(|alpha| !(0.0..=1.0).contains(alpha)) {
             let problem = format!("is {alpha}; it must be between 0 (polished) and 1");
@@ -298,6 +381,10 @@ impl<'a> Decoder<'a> {
         change(&mut material.two_sided, fields.get(&TWO_SIDED));
         let checked = material.check();
         let textures = self.surface_textures(fields);
+        if textures.iter().any(|texture| texture.target == Target::Metalness) {
+            let problem = "for \"metalness\" has a meaning on the standard surface only";
+            self.out_of_range(fields, &OutOfRange::new(TEXTURE.name(), problem));
+        }
         if !textures.is_empty() {
             material.textures = textures;
         }

@@ -15,6 +15,7 @@ mod mesh;
 mod motion;
 mod procedural;
 mod shapes;
+mod standard;
 mod surface_texture;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -33,6 +34,7 @@ pub(crate) use motion::{
     ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, DEFAULT_FPS, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY,
     KEYS, MATRIX, MOTION, MOTION_FIELD, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, TRANSFORMS, TRANSLATE, TURN, UP,
 };
+pub(crate) use standard::{STANDARD, STANDARD_BLOCKS};
 pub(crate) use surface_texture::SURFACE_TEXTURE;
 pub(crate) use texture::{Images, TEXTURE, TEXTURES, texture};
 

@@ -39,7 +39,10 @@ fn schemas() -> Vec<(&'static NodeSchema, String)> {
         &FOLLOW,
         &CAMERA_FOLLOW,
         &POINT_FOLLOW,
-    ];
+    ]
+    .into_iter()
+    .chain([&STANDARD])
+    .chain(STANDARD_BLOCKS);
     let lights = LIGHTS.iter().map(|light| &light.schema);
     let environments = ENVIRONMENTS.iter().map(|environment| &environment.schema);
     let textures = TEXTURES.iter().map(|texture| &texture.schema);
@@ -84,6 +87,7 @@ const MORE: &[&str] = &[
     "integrator \"path\" { max-depth 4; roulette #false }",
     "material \"m\" { conductor { eta 1 1 1; k 1 1 1 }; alpha 0.1 }",
     "material \"m\" { dielectric 1.5; absorption 0.1 0.2 0.3 }",
+    "material \"m\" { standard { base { weight 1; diffuse-roughness 0 }; specular { weight 1; color 1; anisotropy 0 }; coat { color 1; anisotropy 0; ior 1.6; darkening 1 }; fuzz { roughness 0.5 }; thin-film { ior 1.4 }; transmission { dispersion-scale 0; dispersion-abbe-number 20 }; opacity 1; thin-walled #true; preset \"velvet\" } }",
     "path \"p\" { points 0 0 0  1 0 0 }\ncamera { follow \"p\" along=#true }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center { follow \"p\" at=1 }; radius 1 }",
 ];

@@ -17,6 +17,8 @@ mod emitter_tests;
 mod event;
 mod light_sampler;
 mod light_tree;
+#[cfg(test)]
+mod material_tests;
 mod meter;
 mod see_through;
 #[cfg(test)]

@@ -78,7 +78,7 @@ impl PathTracer<'_> {
             let beyond = self.media.crossing(met.crossing).map(|crossing| [crossing.beyond, crossing.next]);
             return Some(beyond.unwrap_or([met.inside, NONE]));
         }
-        let vertex = self.vertex(met, frame);
+        let vertex = self.vertex(met, frame, None);
         let crossing = vertex.crossing?;
         if !vertex.is_index_matched() {
             if !is_light {

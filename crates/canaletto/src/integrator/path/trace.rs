@@ -29,6 +29,7 @@ mod uses {
     pub(super) const LOBE: u32 = 5;
     pub(super) const ROULETTE: u32 = 7;
     pub(super) const DISTANCE: u32 = 8;
+    pub(super) const CHANNEL: u32 = 9;
 }
 
 /// The number of surfaces after which roulette begins.
@@ -89,6 +90,8 @@ pub(super) struct Path {
     depth: u32,
     /// The number of surfaces of partial coverage that it has passed.
     passed: u32,
+    /// The only channel that it carries, once it has met a body that refracts the three by different angles.
+    channel: Option<usize>,
 }
 
 impl Path {
@@ -305,7 +308,7 @@ impl PathTracer<'_> {
             kind: Kind::Eye,
         };
         let place = Dimension::EYE.of(uses::PATH);
-        Path { segment, sample, place, light: Rgb::BLACK, throughput: Rgb::WHITE, depth: 1, passed: 0 }
+        Path { segment, sample, place, light: Rgb::BLACK, throughput: Rgb::WHITE, depth: 1, passed: 0, channel: None }
     }
 
     /// Takes a path to the first visible surface of its ray, and on from there. `found` is the ray's first hit.
@@ -361,7 +364,8 @@ impl PathTracer<'_> {
             path.throughput *= 1.0 - share;
             probe.path(PathEvent::Overlay { color: overlay, share });
         }
-        let vertex = self.vertex(&met, frame);
+        self.disperse(path, &met);
+        let vertex = self.vertex(&met, frame, path.channel);
         if let Some(crossing) = vertex.crossing.filter(|_| vertex.is_index_matched()) {
             path.segment.go_through(&met, &vertex.frame, [crossing.beyond, crossing.next]);
             probe.path(PathEvent::Passed(Passage::IndexMatched));
@@ -538,13 +542,33 @@ impl PathTracer<'_> {
         found(PathEmitter::Surface, emission, densities, probe)
     }
 
-    /// The scattering at a surface.
-    pub(super) fn vertex<'a>(&mut self, met: &'a VisibleHit, frame: Frame) -> SurfaceVertex<'a> {
+    /// Leaves a path one channel of three at a body that refracts them by different angles.
+    fn disperse(&self, path: &mut Path, met: &VisibleHit) {
+        let standard = &self.world.material(&met.hit).standard;
+        if path.channel.is_none() && standard.as_ref().is_some_and(|surface| surface.is_dispersive()) {
+            let channel = ((path.sample.one(path.place.of(uses::CHANNEL)) * 3.0) as usize).min(2);
+            let mut one = [0.0; 3];
+            one[channel] = 3.0;
+            path.throughput = path.throughput * Rgb::from(one);
+            path.channel = Some(channel);
+        }
+    }
+
+    /// The scattering at a surface. A path of one channel meets that channel's η.
+    pub(super) fn vertex<'a>(
+        &mut self,
+        met: &'a VisibleHit,
+        frame: Frame,
+        channel: Option<usize>,
+    ) -> SurfaceVertex<'a> {
+        let described = self.world.material(&met.hit);
         let crossing = match met.crossing {
             SIMPLE => Some(self.media.simple(self.world, &met.hit, frame.outside, met.inside)),
             crossing => self.media.crossing(crossing).copied(),
         };
-        let eta = f64::from(met.material.phong().eta);
+        let dispersed = channel.zip(described.standard.as_deref().filter(|surface| surface.is_dispersive()));
+        let eta = dispersed.map_or(met.material.phong().eta, |(channel, surface)| surface.dispersed_ior()[channel]);
+        let eta = f64::from(eta);
         let eta_ratio = match crossing.map(|crossing| crossing.refraction) {
             Some(Refraction::Outer(outer)) if frame.outside => outer / eta,
             Some(Refraction::Outer(outer)) => eta / outer,
@@ -558,21 +582,28 @@ impl PathTracer<'_> {
             // Nothing is known of what lies beyond, so nothing passes, as in the classic integrator.
             material.model.phong_mut().opacity = 1.0;
         }
-        let bsdf = material.bsdf(ScatteringFrame { normal: frame.normal, facing: frame.facing, eta_ratio });
+        let tangent = match described.is_anisotropic() {
+            true => self.world.surface_differential(met.line, &met.hit).tangents(met.surface.normal)[0],
+            false => DVec3::ZERO,
+        };
+        let Frame { normal, facing, outside, .. } = frame;
+        let bsdf = described.bsdf(&material, ScatteringFrame { normal, facing, tangent, outside, eta_ratio });
         SurfaceVertex { hit: met, frame, bsdf, crossing }
     }
 
     /// The bodies that a ray is in after it leaves a vertex, and the coinciding surface there. None if it goes into a
     /// body of which nothing is known.
     pub(super) fn inside_after(&mut self, vertex: &Vertex, wi: DVec3) -> Option<[u32; 2]> {
-        let SurfaceVertex { hit: met, frame, crossing, .. } = match vertex {
+        let SurfaceVertex { hit: met, frame, crossing, bsdf } = match vertex {
             Vertex::Surface(surface) => surface,
             Vertex::Medium(MediumVertex { inside, .. }) | Vertex::Meter(MeterVertex { inside, .. }) => {
                 return Some([*inside, NONE]);
             }
         };
         if wi.dot(frame.facing) < 0.0 {
-            return crossing.map(|crossing| [crossing.beyond, crossing.next]);
+            let is_thin = matches!(bsdf, Bsdf::Standard(standard) if standard.is_thin_walled());
+            let beyond = crossing.map(|crossing| [crossing.beyond, crossing.next]);
+            return beyond.or_else(|| is_thin.then_some([met.inside, NONE]));
         }
         let back = self.media.crossing(met.crossing).map_or(NONE, |crossing| crossing.back);
         Some([self.inside_before(met, frame.outside), back])

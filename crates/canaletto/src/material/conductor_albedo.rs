@@ -1,0 +1,89 @@
+//! The light that one scattering by a rough metal keeps, in a table that is computed when it is first used.
+
+use super::ggx::{Ggx, Masking};
+use super::reflect;
+use glam::DVec3;
+use std::sync::LazyLock;
+
+/// The rows (roughness) and columns (cosine) of the table.
+const SIDE: usize = 32;
+
+/// The points of the unit square that a value is the mean of.
+const POINTS: u32 = 512;
+
+type Table = [[f32; SIDE]; SIDE];
+
+static HEIGHT_CORRELATED: LazyLock<Table> = LazyLock::new(|| table(Masking::HeightCorrelated));
+static SEPARABLE: LazyLock<Table> = LazyLock::new(|| table(Masking::Separable));
+
+fn table(masking: Masking) -> Table {
+    std::array::from_fn(|row| {
+        std::array::from_fn(|column| {
+            let roughness = place(row);
+            single_scattering_albedo(place(column), &Ggx::isotropic(roughness * roughness, masking)) as f32
+        })
+    })
+}
+
+/// The value of a row or column, from nearly 0 to 1.
+fn place(index: usize) -> f64 {
+    (index as f64 / (SIDE - 1) as f64).max(1e-3)
+}
+
+/// The mean of G₂ / G₁ over the microfacets that are seen from a direction.
+fn single_scattering_albedo(cos: f64, ggx: &Ggx) -> f64 {
+    let wo = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+    let mut sum = 0.0;
+    for i in 0..POINTS {
+        // Both halves of the facets are mirror images. Few facets lean far, so that number has the finer steps.
+        let u = [0.5 * (f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(POINTS)];
+        let wi = reflect(wo, ggx.sample_visible(wo, u));
+        if wi.z > 0.0 {
+            sum += ggx.shadowing(wo, wi);
+        }
+    }
+    sum / f64::from(POINTS)
+}
+
+/// E(cos θ, α): the albedo of one scattering by a metal that reflects all light, interpolated in the table.
+pub(super) fn conductor_albedo(cos: f64, alpha: f64, masking: Masking) -> f64 {
+    let [(row, down), (column, right)] = [alpha.sqrt(), cos].map(|value| {
+        let at = value.clamp(0.0, 1.0) * (SIDE - 1) as f64;
+        let index = (at as usize).min(SIDE - 2);
+        (index, at - index as f64)
+    });
+    let table: &Table = match masking {
+        Masking::HeightCorrelated => &HEIGHT_CORRELATED,
+        Masking::Separable => &SEPARABLE,
+    };
+    let along = |row: usize| f64::from(table[row][column]) * (1.0 - right) + f64::from(table[row][column + 1]) * right;
+    along(row) * (1.0 - down) + along(row + 1) * down
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// E(1) by numerical integration over tan² θ, and 1 − ln 2 for α = 1.
+    #[test]
+    fn albedos_are_the_known_ones() {
+        for (alpha, cos, expected) in
+            [(1.0f64, 1.0, 1.0 - std::f64::consts::LN_2), (0.5, 1.0, 0.687_849), (0.2, 1.0, 0.947_658)]
+        {
+            let ours = single_scattering_albedo(cos, &Ggx::isotropic(alpha, Masking::HeightCorrelated));
+            assert!((ours - expected).abs() < 2e-3, "{alpha}: {ours}");
+            let looked_up = conductor_albedo(cos, alpha, Masking::HeightCorrelated);
+            assert!((looked_up - ours).abs() < 5e-3, "{alpha}: {looked_up}");
+        }
+    }
+
+    /// Facets that are seen are also lit more often where both grow with their height.
+    #[test]
+    fn separable_masking_loses_more() {
+        for (cos, alpha) in [(0.2, 0.3), (0.6, 0.7), (0.9, 1.0)] {
+            let [correlated, separable] =
+                [Masking::HeightCorrelated, Masking::Separable].map(|masking| conductor_albedo(cos, alpha, masking));
+            assert!(separable < correlated && correlated < 1.0, "{cos}, {alpha}: {separable}, {correlated}");
+        }
+    }
+}

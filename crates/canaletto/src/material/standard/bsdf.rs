@@ -1,0 +1,349 @@
+//! The scattering of a standard surface at a point: evaluation, sampling and density over all its lobes.
+
+use super::super::ggx::{Ggx, Masking};
+use super::super::{BsdfSample, Lobe, ScatteringFrame, fresnel_dielectric, reflect, refract};
+use super::diffuse;
+use super::layers::{Layer, Layers, weighted_ior};
+use super::metal::MetalFresnel;
+use super::{StandardFuzz, StandardPoint, StandardSurface, StandardThinFilm};
+use crate::math::{Rgb, warp};
+use glam::{DMat3, DVec3};
+use std::f64::consts::FRAC_1_PI;
+
+/// The coat at a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CoatPoint {
+    pub(super) weight: f32,
+    pub(super) color: Rgb,
+    /// The widths of the facets along the surface's axes.
+    pub(super) alpha: [f32; 2],
+    pub(super) ior: f32,
+    pub(super) darkening: f32,
+}
+
+/// A standard surface at a point.
+#[derive(Clone, Copy, Debug)]
+pub struct StandardBsdf {
+    frame: ScatteringFrame,
+    /// The ratio ηᵢ/ηₜ at the base.
+    eta_ratio: f64,
+    pub(super) diffuse: Rgb,
+    diffuse_roughness: f32,
+    pub(super) metal: MetalFresnel,
+    pub(super) metalness: f32,
+    pub(super) metal_weight: f32,
+    pub(super) specular_tint: Rgb,
+    pub(super) roughness: f32,
+    /// The widths of the base's facets along the surface's axes.
+    pub(super) alpha: [f32; 2],
+    /// The clear share of a dielectric base, and the tint of what crosses it.
+    pub(super) clear: f32,
+    pub(super) clear_tint: Rgb,
+    /// The share of an opaque thin wall that is translucent, and its colour.
+    pub(super) translucent: f32,
+    pub(super) translucent_color: Rgb,
+    pub(super) thin_walled: bool,
+    pub(super) film: StandardThinFilm,
+    pub(super) coat: CoatPoint,
+    pub(super) fuzz: StandardFuzz,
+}
+
+/// The widths αx and αy of a roughness and an anisotropy: αx² + αy² = 2 r⁴ and αy / αx = 1 − anisotropy.
+fn widths(roughness: f32, anisotropy: f32) -> [f32; 2] {
+    let squash = f64::from((1.0 - anisotropy).max(1e-2));
+    let along = f64::from(roughness * roughness) * (2.0 / (1.0 + squash * squash)).sqrt();
+    [along as f32, (along * squash) as f32]
+}
+
+/// The directions of the viewer and of light in the frame of the facets.
+struct Local {
+    wo: DVec3,
+    wi: DVec3,
+}
+
+impl StandardBsdf {
+    pub(in crate::material) fn new(
+        surface: &StandardSurface,
+        point: &StandardPoint,
+        frame: ScatteringFrame,
+    ) -> StandardBsdf {
+        let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_film, thin_walled, .. } =
+            *surface;
+        // Nothing passes an open surface, of whose other side nothing is known.
+        let is_clear = transmission.weight > 0.0 && (thin_walled || point.phong.opacity < 1.0);
+        let from_inside = is_clear && !thin_walled && !frame.outside;
+        // From inside a clear body only the base's boundary is met.
+        let coat_weight = if from_inside { 0.0 } else { coat.weight };
+        let fuzz_weight = if from_inside { 0.0 } else { fuzz.weight };
+        let [own, over] = [specular.ior, coat.ior].map(f64::from);
+        // Inside the coat no total reflection happens that the refraction at its surface would not have (OpenPBR).
+        let coated = if over > own { over / own } else { own / over };
+        let ior = own + f64::from(coat_weight) * (coated - own);
+        let eta_ratio = match is_clear && !thin_walled {
+            true => frame.eta_ratio,
+            false => 1.0 / weighted_ior(ior, specular.weight.into()),
+        };
+        let base_color = point.base_color * base.weight;
+        let roughness = point.phong.roughness;
+        let [r4, coat_r4] = [roughness, coat.roughness].map(|r| f64::from(r * r) * f64::from(r * r));
+        let rougher = (r4 + 2.0 * coat_r4).min(1.0).sqrt().sqrt();
+        let roughness = roughness + coat_weight * (rougher as f32 - roughness);
+        let blended = base_color * (1.0 - subsurface.weight) + subsurface.color * subsurface.weight;
+        StandardBsdf {
+            frame,
+            eta_ratio,
+            diffuse: if thin_walled { base_color } else { blended },
+            diffuse_roughness: base.diffuse_roughness,
+            metal: MetalFresnel::new(base_color, specular.color),
+            metalness: point.metalness,
+            metal_weight: specular.weight.min(1.0),
+            specular_tint: if from_inside { Rgb::WHITE } else { specular.color },
+            roughness,
+            alpha: widths(roughness, specular.anisotropy),
+            clear: if is_clear { transmission.weight } else { 0.0 },
+            clear_tint: if thin_walled || transmission.depth == 0.0 { transmission.color } else { Rgb::WHITE },
+            translucent: if thin_walled { subsurface.weight } else { 0.0 },
+            translucent_color: subsurface.color,
+            thin_walled,
+            film: thin_film,
+            coat: CoatPoint {
+                weight: coat_weight,
+                color: coat.color,
+                alpha: widths(coat.roughness, coat.anisotropy),
+                ior: coat.ior,
+                darkening: coat.darkening,
+            },
+            fuzz: StandardFuzz { weight: fuzz_weight, ..fuzz },
+        }
+    }
+
+    /// Whether the surface is a sheet with no inside.
+    pub fn is_thin_walled(&self) -> bool {
+        self.thin_walled
+    }
+
+    pub(super) fn eta_ratio(&self) -> f64 {
+        self.eta_ratio
+    }
+
+    /// Whether the base mirrors and refracts to single directions.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.alpha[0] == 0.0
+    }
+
+    /// Whether a lobe is a single direction.
+    fn is_delta_layer(&self, layer: Layer) -> bool {
+        match layer {
+            Layer::Fuzz | Layer::Diffuse | Layer::Translucent => false,
+            Layer::Coat => self.coat.alpha[0] == 0.0,
+            Layer::Metal | Layer::Gloss => self.is_smooth(),
+            Layer::Clear => self.is_smooth() || !self.thin_walled && self.eta_ratio == 1.0,
+        }
+    }
+
+    pub(in crate::material) fn is_delta(&self) -> bool {
+        let opaque = (1.0 - self.metalness) * (1.0 - self.clear);
+        self.is_smooth()
+            && self.fuzz.weight == 0.0
+            && (self.coat.weight == 0.0 || self.is_delta_layer(Layer::Coat))
+            && (opaque == 0.0 || self.translucent == 0.0 && self.diffuse.is_black())
+    }
+
+    pub(super) fn coat_ggx(&self) -> Ggx {
+        Ggx { alpha: self.coat.alpha.map(f64::from), masking: Masking::HeightCorrelated }
+    }
+
+    /// The share that a facet of a dielectric base mirrors; of a thin wall, with all reflections inside it.
+    fn gloss_fresnel(&self, cos: f64) -> Rgb {
+        let single = self.dielectric_fresnel(cos);
+        if !self.thin_walled {
+            return single;
+        }
+        single.map(|f| f + self.clear * (2.0 * f / (1.0 + f) - f))
+    }
+
+    /// The share that passes a facet of a dielectric base; of a thin wall, both its sides.
+    fn clear_fresnel(&self, cos: f64) -> Rgb {
+        self.dielectric_fresnel(cos).map(|f| if self.thin_walled { (1.0 - f) / (1.0 + f) } else { 1.0 - f })
+    }
+
+    /// The share of light that the coat's colour leaves on its way in, out, or both.
+    fn absorbed(&self, cosines: &[f64]) -> Rgb {
+        if self.coat.color == Rgb::WHITE || self.coat.weight == 0.0 {
+            return Rgb::WHITE;
+        }
+        let eta2 = f64::from(self.coat.ior) * f64::from(self.coat.ior);
+        // The lengths inside the coat, relative to those at right angles; the colour is that of two of them.
+        let inside = |cos: &f64| 1.0 / (1.0 - (1.0 - cos * cos) / eta2).max(1e-6).sqrt();
+        let length: f64 = 0.5 * cosines.iter().map(inside).sum::<f64>();
+        self.coat.color.map(|share| libm::pow(share.into(), length) as f32)
+    }
+
+    /// The factor of what lies below the coat.
+    fn below(&self, layers: &Layers, cosines: &[f64]) -> Rgb {
+        layers.below[0] + layers.below[1] * self.absorbed(cosines)
+    }
+
+    /// The directions in the frame of the facets, if both normals agree on the side of `wi`.
+    fn local(&self, axes: &DMat3, wo: DVec3, wi: DVec3) -> Option<Local> {
+        let axes = axes.transpose();
+        let local = Local { wo: axes * wo, wi: axes * wi };
+        ((local.wi.z > 0.0) == (wi.dot(self.frame.facing) > 0.0)).then_some(local)
+    }
+
+    pub(in crate::material) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
+        let axes = self.frame.facet_axes(wo);
+        let Some(local) = self.local(&axes, wo, wi) else { return Rgb::BLACK };
+        self.eval_local(&self.layers(local.wo), &local)
+    }
+
+    pub(in crate::material) fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        let axes = self.frame.facet_axes(wo);
+        self.local(&axes, wo, wi).map_or(0.0, |local| self.pdf_local(&self.layers(local.wo), &local))
+    }
+
+    fn eval_local(&self, layers: &Layers, &Local { wo, wi }: &Local) -> Rgb {
+        if wi.z <= 0.0 {
+            let below = self.below(layers, &[wo.z]);
+            let translucent = layers.translucent_share * (-wi.z * FRAC_1_PI) as f32;
+            return below * (translucent + self.eval_clear(layers, wo, wi));
+        }
+        let mut f = layers.fuzz.map_or(Rgb::BLACK, |fuzz| layers.fuzz_share * fuzz.pdf(wi) as f32);
+        let m = (wo + wi).normalize();
+        let cos = wo.dot(m);
+        // D G₂ / (4 wo·n), the factor of F
+        let facets = |ggx: &Ggx| ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
+        if self.coat.weight > 0.0 && !self.is_delta_layer(Layer::Coat) {
+            let share = fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior));
+            f += Rgb::gray((share * layers.coat_share * facets(&self.coat_ggx())) as f32);
+        }
+        let mut base = diffuse::eval(self.diffuse, self.diffuse_roughness.into(), wo, wi) * layers.diffuse_share
+            + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
+        if !self.is_smooth() {
+            let mut share = self.gloss_fresnel(cos) * layers.gloss_share;
+            if self.metalness > 0.0 {
+                share += self.metal_fresnel(cos) * layers.metal_share;
+            }
+            base += share * facets(&self.ggx()) as f32;
+        }
+        f + self.below(layers, &[wo.z, wi.z]) * base
+    }
+
+    /// What passes the clear part of the base, without the layers over it.
+    fn eval_clear(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> Rgb {
+        if self.clear == 0.0 || self.is_delta_layer(Layer::Clear) {
+            return Rgb::BLACK;
+        }
+        let ggx = self.ggx();
+        if self.thin_walled {
+            // The reflection of the other side, seen through the wall.
+            let wi = wi * DVec3::new(1.0, 1.0, -1.0);
+            let m = (wo + wi).normalize();
+            let facets = ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
+            return self.clear_fresnel(wo.dot(m)) * layers.clear_share * facets as f32;
+        }
+        let Some((m, jacobian)) = self.refracting_facet(wo, wi) else { return Rgb::BLACK };
+        let facets = ggx.visible_pdf(wo, m) * jacobian * ggx.shadowing(wo, wi);
+        let squeezed = self.eta_ratio * self.eta_ratio;
+        self.clear_fresnel(wo.dot(m)) * layers.clear_share * (facets * squeezed) as f32
+    }
+
+    /// The facet that refracts `wo` to `wi`, and dω_m / dω_i (Walter et al. 2007, (16) and (17)).
+    fn refracting_facet(&self, wo: DVec3, wi: DVec3) -> Option<(DVec3, f64)> {
+        let m = (wo * self.eta_ratio + wi).try_normalize()?;
+        let m = if m.z < 0.0 { -m } else { m };
+        let (o, i) = (wo.dot(m), wi.dot(m));
+        let length = self.eta_ratio * o + i;
+        (o > 0.0 && i < 0.0).then(|| (m, -i / (length * length)))
+    }
+
+    fn pdf_local(&self, layers: &Layers, &Local { wo, wi }: &Local) -> f64 {
+        let mut sum = 0.0;
+        let mut add = |layer: Layer, density: &dyn Fn() -> f64| {
+            let probability = layers.probability(layer);
+            if probability > 0.0 && !self.is_delta_layer(layer) {
+                sum += probability * density();
+            }
+        };
+        if wi.z <= 0.0 {
+            add(Layer::Translucent, &|| -wi.z * FRAC_1_PI);
+            add(Layer::Clear, &|| self.clear_pdf(wo, wi));
+            return sum;
+        }
+        let m = (wo + wi).normalize();
+        add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
+        add(Layer::Coat, &|| self.coat_ggx().mirrored_pdf(wo, m));
+        add(Layer::Diffuse, &|| wi.z * FRAC_1_PI);
+        add(Layer::Metal, &|| self.ggx().mirrored_pdf(wo, m));
+        add(Layer::Gloss, &|| self.ggx().mirrored_pdf(wo, m));
+        sum
+    }
+
+    /// The density of directions through the clear base.
+    fn clear_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        if self.thin_walled {
+            let wi = wi * DVec3::new(1.0, 1.0, -1.0);
+            return self.ggx().mirrored_pdf(wo, (wo + wi).normalize());
+        }
+        self.refracting_facet(wo, wi).map_or(0.0, |(m, jacobian)| self.ggx().visible_pdf(wo, m) * jacobian)
+    }
+
+    pub(in crate::material) fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        let axes = self.frame.facet_axes(wo);
+        let o = axes.transpose() * wo;
+        let layers = self.layers(o);
+        let layer = layers.choose(u_lobe)?;
+        let lobe = match layer {
+            Layer::Fuzz | Layer::Diffuse | Layer::Translucent => Lobe::Diffuse,
+            Layer::Coat | Layer::Metal | Layer::Gloss => Lobe::Mirror,
+            Layer::Clear => Lobe::Refraction,
+        };
+        if self.is_delta_layer(layer) {
+            return self.smooth(wo, &axes, &layers, layer).map(|(wi, f)| {
+                let pdf = layers.probability(layer);
+                BsdfSample { wi, f, pdf, lobe, is_delta: true }
+            });
+        }
+        let i = match layer {
+            Layer::Fuzz => layers.fuzz?.sample(u),
+            Layer::Diffuse => warp::cosine_hemisphere(u),
+            Layer::Translucent => -warp::cosine_hemisphere(u),
+            Layer::Coat => reflect(o, self.coat_ggx().sample_mirroring(o, u)),
+            Layer::Metal | Layer::Gloss => reflect(o, self.ggx().sample_mirroring(o, u)),
+            Layer::Clear if self.thin_walled => {
+                reflect(o, self.ggx().sample_mirroring(o, u)) * DVec3::new(1.0, 1.0, -1.0)
+            }
+            Layer::Clear => refract(o, self.ggx().sample_visible(o, u), self.eta_ratio)?,
+        };
+        let goes_through = matches!(layer, Layer::Translucent | Layer::Clear);
+        let wi = (axes * i).normalize();
+        let local = self.local(&axes, wo, wi).filter(|local| (local.wi.z < 0.0) == goes_through)?;
+        let pdf = self.pdf_local(&layers, &local);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval_local(&layers, &local), pdf, lobe, is_delta: false })
+    }
+
+    /// The direction of a lobe that has only one, with its factor.
+    fn smooth(&self, wo: DVec3, axes: &DMat3, layers: &Layers, layer: Layer) -> Option<(DVec3, Rgb)> {
+        let (normal, facing) = (axes.z_axis, self.frame.facing);
+        let cos = wo.dot(normal);
+        if layer == Layer::Clear {
+            let factor = layers.clear_share * self.below(layers, &[cos]) * self.clear_fresnel(cos);
+            if self.thin_walled || self.eta_ratio == 1.0 {
+                return Some((-wo, factor));
+            }
+            let wi = refract(wo, normal, self.eta_ratio)?;
+            let wi = if wi.dot(facing) < 0.0 { wi } else { refract(wo, facing, self.eta_ratio).unwrap_or(-facing) };
+            return Some((wi, factor * (self.eta_ratio * self.eta_ratio) as f32));
+        }
+        let mirrored = reflect(wo, normal);
+        let wi = if mirrored.dot(facing) > 0.0 { mirrored } else { reflect(wo, facing) };
+        let factor = match layer {
+            Layer::Coat => {
+                Rgb::gray((layers.coat_share * fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior))) as f32)
+            }
+            Layer::Metal => layers.metal_share * self.metal_fresnel(cos) * self.below(layers, &[cos, cos]),
+            _ => layers.gloss_share * self.gloss_fresnel(cos) * self.below(layers, &[cos, cos]),
+        };
+        Some((wi, factor))
+    }
+}

@@ -1,0 +1,259 @@
+//! The layers of a standard surface as they are seen from one direction: what each of them keeps, and what it leaves to
+//! those below. Albedos scale the layers, as OpenPBR proposes, so that no more light leaves than arrives.
+//! These factors depend on the viewer's direction only, so that layers are not reciprocal where single lobes are.
+
+use super::super::conductor_albedo::conductor_albedo;
+use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept};
+use super::super::ggx::{Ggx, Masking};
+use super::super::{fresnel_dielectric, reflect};
+use super::bsdf::StandardBsdf;
+use super::fuzz::Fuzz;
+use super::thin_film::{UnderFilm, reflectance};
+use crate::math::Rgb;
+use glam::{DVec2, DVec3};
+use std::sync::LazyLock;
+
+/// The share that a boundary of relative η mirrors at right angles.
+pub(super) fn reflection_at_right_angles(eta: f64) -> f64 {
+    let amplitude = (eta - 1.0) / (eta + 1.0);
+    amplitude * amplitude
+}
+
+/// The relative η whose reflection at right angles is that of `eta` times a weight.
+pub(super) fn weighted_ior(eta: f64, weight: f64) -> f64 {
+    let amplitude = (weight * reflection_at_right_angles(eta)).min(0.999).sqrt();
+    let amplitude = if eta < 1.0 { -amplitude } else { amplitude };
+    (1.0 + amplitude) / (1.0 - amplitude)
+}
+
+/// The lobes of a standard surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layer {
+    Fuzz,
+    Coat,
+    Metal,
+    /// The reflection of a dielectric base.
+    Gloss,
+    Diffuse,
+    /// The clear part of a dielectric base.
+    Clear,
+    /// Diffuse transmission through a thin wall.
+    Translucent,
+}
+
+impl Layer {
+    pub(super) const ALL: [Layer; 7] =
+        [Layer::Fuzz, Layer::Coat, Layer::Metal, Layer::Gloss, Layer::Diffuse, Layer::Clear, Layer::Translucent];
+}
+
+/// The layers as they are seen from one direction.
+pub(super) struct Layers {
+    /// The fuzz, if there is any.
+    pub(super) fuzz: Option<Fuzz>,
+    /// The factor of the fuzz's density.
+    pub(super) fuzz_share: Rgb,
+    /// The factor of the coat's single scattering.
+    pub(super) coat_share: f64,
+    /// The factors of what lies below the fuzz: without a coat, and through it but for its absorption.
+    pub(super) below: [Rgb; 2],
+    /// The factor of a metal's single scattering.
+    pub(super) metal_share: Rgb,
+    /// The factors of the base's single reflection and transmission.
+    pub(super) gloss_share: Rgb,
+    pub(super) clear_share: Rgb,
+    /// The factors of diffuse reflection, of a translucent wall's reflection, and of its transmission.
+    pub(super) diffuse_share: Rgb,
+    pub(super) translucent_share: Rgb,
+    /// The cumulative probabilities of the lobes, in the order of [`Layer::ALL`].
+    sums: [f64; 7],
+}
+
+impl Layers {
+    /// The probability of a lobe.
+    pub(super) fn probability(&self, layer: Layer) -> f64 {
+        let i = layer as usize;
+        self.sums[i] - if i == 0 { 0.0 } else { self.sums[i - 1] }
+    }
+
+    /// The lobe at `u` of [0, 1); none if the surface scatters nothing.
+    pub(super) fn choose(&self, u: f64) -> Option<Layer> {
+        self.sums.iter().position(|sum| u < *sum).map(|i| Layer::ALL[i])
+    }
+}
+
+fn lerp(a: Rgb, b: Rgb, t: f64) -> Rgb {
+    a * (1.0 - t) as f32 + b * t as f32
+}
+
+/// The mean of Fresnel's share over the hemisphere for η > 1 (Kulla & Conty 2017), within 0.002 up to η = 3.
+fn mean_fresnel(eta: f64) -> f64 {
+    let eta = eta.clamp(1.0, 3.0);
+    libm::log((10_893.0 * eta - 1_438.2) / (-774.4 * eta * eta + 10_212.0 * eta + 1.0)).max(0.0)
+}
+
+/// The facets of the quadrature for albedos that no table has: those of stretched facets, and of a base with a film.
+static FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| dielectric_albedo::facets(55));
+
+/// What one scattering of a boundary keeps.
+fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
+    let [x, y] = ggx.alpha;
+    if x == 0.0 || eta_ratio == 1.0 {
+        let mirrored = fresnel_dielectric(wo.z, eta_ratio);
+        return Kept { mirrored, refracted: 1.0 - mirrored };
+    }
+    if x != y {
+        return dielectric_albedo::kept(wo, eta_ratio, ggx, &FACETS);
+    }
+    DielectricAlbedo::new(eta_ratio, x, ggx.masking).kept(wo.z, true)
+}
+
+impl StandardBsdf {
+    /// The share that a facet of a dielectric base mirrors, under its film.
+    pub(super) fn dielectric_fresnel(&self, cos: f64) -> Rgb {
+        let plain = Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
+        if self.film.weight == 0.0 {
+            return plain;
+        }
+        let under = |_| UnderFilm::Dielectric(1.0 / self.eta_ratio());
+        let film = reflectance(cos, self.film.ior.into(), self.film.thickness.into(), under);
+        lerp(plain, film, self.film.weight.into())
+    }
+
+    /// The share that a facet of a metal mirrors, under its film.
+    pub(super) fn metal_fresnel(&self, cos: f64) -> Rgb {
+        let plain = self.metal.at(cos);
+        if self.film.weight == 0.0 {
+            return plain;
+        }
+        let under = |inside: f64| UnderFilm::Metal(self.metal.at(inside).to_array().map(f64::from));
+        let film = reflectance(cos, self.film.ior.into(), self.film.thickness.into(), under);
+        lerp(plain, film, self.film.weight.into())
+    }
+
+    /// What the dielectric base mirrors, as a share of all that it keeps.
+    fn gloss_albedo(&self, wo: DVec3, kept: &Kept) -> Rgb {
+        let plain = Rgb::gray((kept.mirrored / kept.total()) as f32);
+        if self.film.weight == 0.0 {
+            return plain;
+        }
+        if self.is_smooth() {
+            return self.dielectric_fresnel(wo.z);
+        }
+        let ggx = self.ggx();
+        let squeezed = ggx.squeezed(wo);
+        let mut sum = Rgb::BLACK;
+        for (circle, u) in FACETS.iter() {
+            let m = ggx.on_cap(squeezed, squeezed.z, *circle, *u);
+            let cos = wo.dot(m);
+            let mirrored = m * (2.0 * cos) - wo;
+            if mirrored.z > 0.0 {
+                sum += self.dielectric_fresnel(cos) * ggx.shadowing(wo, mirrored) as f32;
+            }
+        }
+        (sum * (1.0 / (FACETS.len() as f64 * kept.total())) as f32).map(|v| v.min(1.0))
+    }
+
+    /// The layers as they are seen from `wo`, in the frame of the facets.
+    pub(super) fn layers(&self, wo: DVec3) -> Layers {
+        let cos = wo.z;
+        // Fuzz
+        let fuzz = (self.fuzz.weight > 0.0).then(|| Fuzz::new(wo, self.fuzz.roughness.into()));
+        let covered = fuzz.map_or(0.0, |fuzz| f64::from(self.fuzz.weight) * fuzz.albedo);
+        let fuzz_share = self.fuzz.color * covered as f32;
+        // Coat
+        let share = f64::from(self.coat.weight);
+        let (mut coat_share, mut coat_albedo, mut darkened) = (0.0, 0.0, Rgb::WHITE);
+        if share > 0.0 {
+            let kept = kept(wo, 1.0 / f64::from(self.coat.ior), &self.coat_ggx());
+            coat_albedo = kept.mirrored / kept.total();
+            coat_share = (1.0 - covered) * share / kept.total();
+            darkened = lerp(Rgb::WHITE, self.darkening(cos), share * f64::from(self.coat.darkening));
+        }
+        let bare = darkened * (1.0 - covered) as f32;
+        let below = [bare * (1.0 - share) as f32, bare * (share * (1.0 - coat_albedo)) as f32];
+        // The base
+        let metalness = f64::from(self.metalness);
+        let mut metal_share = Rgb::BLACK;
+        let metal_albedo = if self.is_smooth() { 1.0 } else { self.facet_albedo(wo) };
+        if metalness > 0.0 {
+            let lost = (1.0 - metal_albedo) / metal_albedo;
+            let scattered = Rgb::WHITE + self.metal.f0 * lost as f32;
+            metal_share = scattered * (metalness * f64::from(self.metal_weight)) as f32;
+        }
+        let (dielectric, clear) = (1.0 - metalness, f64::from(self.clear));
+        let [mut gloss_share, mut clear_share, mut diffuse_share, mut translucent_share, mut gloss] = [Rgb::BLACK; 5];
+        if dielectric > 0.0 {
+            let kept = kept(wo, self.eta_ratio(), &self.ggx());
+            gloss = self.gloss_albedo(wo, &kept);
+            let gain = if self.thin_walled { 1.0 / metal_albedo } else { 1.0 / kept.total() };
+            gloss_share = self.specular_tint * (dielectric * gain) as f32;
+            clear_share = self.clear_tint * (dielectric * clear * gain) as f32;
+            let entering = (Rgb::WHITE - gloss).map(|v| v.max(0.0)) * (dielectric * (1.0 - clear)) as f32;
+            let translucent = f64::from(self.translucent);
+            diffuse_share = entering * (1.0 - translucent) as f32;
+            translucent_share = entering * self.translucent_color * (0.5 * translucent) as f32;
+        }
+        let base = below[0] + below[1] * self.coat.color;
+        let size = |color: Rgb| f64::from(color.max_component());
+        let passed = (Rgb::WHITE - gloss).map(|v| v.max(0.0));
+        let albedos = [
+            size(fuzz_share),
+            (1.0 - covered) * share * coat_albedo,
+            size(base * self.metal_fresnel(cos)) * metalness * f64::from(self.metal_weight),
+            size(base * gloss * self.specular_tint) * dielectric,
+            size(base * (diffuse_share * self.diffuse + translucent_share)),
+            size(base * self.clear_tint * passed) * dielectric * clear,
+            size(base * translucent_share),
+        ];
+        let total: f64 = albedos.iter().sum();
+        let mut sum = 0.0;
+        let sums = albedos.map(|albedo| {
+            sum += albedo;
+            if total > 0.0 { sum / total } else { 0.0 }
+        });
+        Layers {
+            fuzz,
+            fuzz_share,
+            coat_share,
+            below,
+            metal_share,
+            gloss_share,
+            clear_share,
+            diffuse_share,
+            translucent_share,
+            sums,
+        }
+    }
+
+    /// The albedo of one scattering by the base's facets that mirror all light.
+    fn facet_albedo(&self, wo: DVec3) -> f64 {
+        let ggx = self.ggx();
+        let [x, y] = ggx.alpha;
+        if x == y {
+            return conductor_albedo(wo.z, x, ggx.masking);
+        }
+        let squeezed = ggx.squeezed(wo);
+        let mirrored = |(circle, u): &(DVec2, f64)| reflect(wo, ggx.on_cap(squeezed, squeezed.z, *circle, *u));
+        let lit = FACETS.iter().map(mirrored).filter(|wi| wi.z > 0.0).map(|wi| ggx.shadowing(wo, wi));
+        lit.sum::<f64>() / FACETS.len() as f64
+    }
+
+    /// Δ of OpenPBR: the darkening of the base by reflections inside the coat.
+    fn darkening(&self, cos: f64) -> Rgb {
+        let eta = f64::from(self.coat.ior);
+        let [metalness, roughness] = [self.metalness, self.roughness].map(f64::from);
+        let f0 = reflection_at_right_angles(self.eta_ratio());
+        let rough = (1.0 - metalness) * (1.0 + (roughness - 1.0) * f0) + metalness * roughness;
+        let even = 1.0 - (1.0 - mean_fresnel(eta)) / (eta * eta);
+        let internal = (1.0 - rough) * fresnel_dielectric(cos, 1.0 / eta) + rough * even;
+        let clear = f64::from(self.clear);
+        let entering = lerp(self.diffuse, Rgb::WHITE, clear) * (1.0 - f0) as f32;
+        let base = lerp(entering + Rgb::gray(f0 as f32), self.metal.f0, metalness);
+        base.map(|albedo| ((1.0 - internal) / (1.0 - f64::from(albedo) * internal)) as f32)
+    }
+
+    /// The distribution of the base's facets.
+    pub(super) fn ggx(&self) -> Ggx {
+        Ggx { alpha: self.alpha.map(f64::from), masking: Masking::HeightCorrelated }
+    }
+}

@@ -1,0 +1,293 @@
+//! The standard surface: densities, albedos, what is lossless, and each layer against a formula.
+
+use super::super::bsdf_tests::{albedo, albedo_of, check_density};
+use super::super::{Bsdf, Lobe, Material, MaterialPoint, ScatteringFrame};
+use super::*;
+use crate::material::METALS;
+use glam::DVec3;
+
+fn bsdf_in(surface: StandardSurface, frame: ScatteringFrame) -> Bsdf {
+    let material = Material::new_standard("test", surface);
+    material.check().unwrap();
+    material.bsdf(&MaterialPoint { model: material.model, ..MaterialPoint::default() }, frame)
+}
+
+fn bsdf(surface: StandardSurface) -> Bsdf {
+    let eta_ratio = if surface.transmission.weight > 0.0 { 1.0 / f64::from(surface.ior()) } else { 1.0 };
+    bsdf_in(
+        surface,
+        ScatteringFrame { tangent: DVec3::new(0.3, 1.0, 0.0), ..ScatteringFrame::flat(DVec3::Z, eta_ratio) },
+    )
+}
+
+fn from_inside(surface: StandardSurface) -> Bsdf {
+    let eta_ratio = f64::from(surface.ior());
+    bsdf_in(surface, ScatteringFrame { outside: false, ..ScatteringFrame::flat(DVec3::Z, eta_ratio) })
+}
+
+fn white() -> StandardSurface {
+    StandardSurface {
+        base: StandardBase { color: Rgb::WHITE, ..StandardBase::default() },
+        ..StandardSurface::default()
+    }
+}
+
+fn rough(surface: StandardSurface, roughness: f32) -> StandardSurface {
+    StandardSurface { specular: StandardSpecular { roughness, ..surface.specular }, ..surface }
+}
+
+fn clear() -> StandardSurface {
+    let transmission = StandardTransmission { weight: 1.0, ..StandardTransmission::default() };
+    StandardSurface { transmission, ..StandardSurface::default() }
+}
+
+fn coated(surface: StandardSurface, roughness: f32) -> StandardSurface {
+    StandardSurface { coat: StandardCoat { weight: 1.0, roughness, ..StandardCoat::default() }, ..surface }
+}
+
+fn metal(surface: StandardSurface) -> StandardSurface {
+    StandardSurface { base: StandardBase { metalness: 1.0, ..surface.base }, ..surface }
+}
+
+fn fuzzy(surface: StandardSurface, roughness: f32) -> StandardSurface {
+    StandardSurface { fuzz: StandardFuzz { weight: 1.0, color: Rgb::WHITE, roughness }, ..surface }
+}
+
+fn filmed(surface: StandardSurface, thickness: f32) -> StandardSurface {
+    StandardSurface { thin_film: StandardThinFilm { weight: 1.0, thickness, ior: 1.4 }, ..surface }
+}
+
+fn thin(surface: StandardSurface) -> StandardSurface {
+    StandardSurface { thin_walled: true, ..surface }
+}
+
+fn brushed(surface: StandardSurface, anisotropy: f32) -> StandardSurface {
+    StandardSurface { specular: StandardSpecular { anisotropy, ..surface.specular }, ..surface }
+}
+
+fn flat(surface: StandardSurface) -> StandardSurface {
+    StandardSurface { base: StandardBase { diffuse_roughness: 1.0, ..surface.base }, ..surface }
+}
+
+fn leaf() -> StandardSurface {
+    let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE };
+    thin(StandardSurface { subsurface, ..white() })
+}
+
+const ANGLES: [f64; 4] = [0.0, 45.0, 75.0, 88.0];
+
+#[test]
+fn directions_have_their_density() {
+    let mixed = StandardSurface {
+        base: StandardBase { metalness: 0.4, diffuse_roughness: 0.5, ..StandardBase::default() },
+        transmission: StandardTransmission { weight: 0.5, ..StandardTransmission::default() },
+        ..fuzzy(coated(rough(StandardSurface::default(), 0.6), 0.5), 0.4)
+    };
+    let all = [
+        rough(white(), 0.4),
+        metal(rough(white(), 0.7)),
+        coated(rough(white(), 0.6), 0.35),
+        fuzzy(flat(rough(white(), 0.8)), 0.3),
+        filmed(rough(white(), 0.5), 0.4),
+        brushed(metal(rough(white(), 0.6)), 0.8),
+        rough(clear(), 0.5),
+        thin(rough(clear(), 0.5)),
+        rough(leaf(), 0.5),
+        mixed,
+    ];
+    for (surface, degrees) in all.into_iter().zip([10.0, 65.0, 40.0].into_iter().cycle()) {
+        check_density(&bsdf(surface), degrees);
+    }
+    check_density(&from_inside(rough(clear(), 0.5)), 40.0);
+    check_density(&from_inside(rough(mixed, 0.5)), 30.0);
+}
+
+/// A surface of some roughness.
+type Make = fn(f32) -> StandardSurface;
+
+/// No more light leaves than arrives, on a grid of roughness and angles, whatever the layers are.
+#[test]
+fn no_surface_gains_light() {
+    let make: [(&str, Make); 12] = [
+        ("plastic", |r| rough(white(), r)),
+        ("metal", |r| metal(rough(white(), r))),
+        ("coat", |r| coated(rough(white(), 0.3), r)),
+        ("coated metal", |r| coated(metal(rough(white(), r)), 0.2)),
+        ("fuzz", |r| fuzzy(rough(white(), 0.5), r)),
+        ("film", |r| filmed(rough(white(), r), 0.35)),
+        ("film on metal", |r| filmed(metal(rough(white(), r)), 0.35)),
+        ("brushed", |r| brushed(metal(rough(white(), r)), 0.9)),
+        ("brushed plastic", |r| brushed(rough(white(), r), 0.6)),
+        ("flat", |r| flat(rough(white(), r))),
+        ("leaf", |r| rough(leaf(), r)),
+        ("all", |r| fuzzy(coated(filmed(flat(rough(white(), r)), 0.5), r), r)),
+    ];
+    for (name, make) in make {
+        for roughness in [0.0, 0.2, 0.6, 1.0] {
+            for degrees in ANGLES {
+                let albedo = albedo(&bsdf(make(roughness)), degrees);
+                // A film's albedo is a mean over few facets.
+                assert!(albedo <= 1.0075, "{name}, roughness {roughness}, {degrees}°: {albedo}");
+            }
+        }
+    }
+}
+
+/// White plastic, a white metal, a white coat over both and clear bodies return all light.
+#[test]
+fn what_absorbs_nothing_loses_nothing() {
+    for roughness in [0.0, 0.1, 0.4, 1.0] {
+        for degrees in ANGLES {
+            for (name, surface) in [
+                ("plastic", rough(white(), roughness)),
+                ("flat plastic", flat(rough(white(), roughness))),
+                ("metal", metal(rough(white(), roughness))),
+                ("coat", coated(rough(white(), 0.3), roughness)),
+                ("coated metal", coated(metal(rough(white(), roughness)), 0.4)),
+                ("fuzz", fuzzy(rough(white(), roughness), 0.4)),
+                ("leaf", rough(leaf(), roughness)),
+            ] {
+                let albedo = albedo(&bsdf(surface), degrees);
+                assert!((albedo - 1.0).abs() < 5e-3, "{name}, roughness {roughness}, {degrees}°: {albedo}");
+            }
+            let glass = rough(clear(), roughness);
+            let unsqueezed = |bsdf: &Bsdf, ratio: f64| {
+                albedo_of(bsdf, degrees, |wi| if wi.z > 0.0 { 1.0 } else { 1.0 / (ratio * ratio) })
+            };
+            for (bsdf, ratio) in [(bsdf(glass), 1.0 / 1.5), (from_inside(glass), 1.5), (bsdf(thin(glass)), 1.0)] {
+                let albedo = unsqueezed(&bsdf, ratio);
+                // The table is right to 0.5 %, the sum over samples to 0.1 %.
+                assert!((albedo - 1.0).abs() < 6e-3, "glass {ratio}, roughness {roughness}, {degrees}°: {albedo}");
+            }
+        }
+    }
+}
+
+/// A smooth surface's lobes are those of the formulas: F of the coat, 1 − F darkened below it, and (1 − F) / (1 + F)
+/// through a pane.
+#[test]
+fn smooth_layers_have_their_factors() {
+    let fresnel = |ior: f64| ((ior - 1.0) / (ior + 1.0)) * ((ior - 1.0) / (ior + 1.0));
+    let factor = |surface: StandardSurface, wanted: Lobe| {
+        let bsdf = bsdf(surface);
+        let mut shares: Vec<(f64, f64)> = Vec::new();
+        for i in 0..4000 {
+            let s = bsdf.sample(DVec3::Z, (f64::from(i) + 0.5) / 4000.0, [0.5; 2]).unwrap();
+            if s.lobe == wanted && !shares.iter().any(|(f, _)| *f == f64::from(s.f.g)) {
+                shares.push((f64::from(s.f.g), s.pdf));
+            }
+        }
+        shares.iter().map(|(f, _)| f).sum::<f64>()
+    };
+    let pane = thin(rough(clear(), 0.0));
+    let f = fresnel(1.5);
+    assert!((factor(pane, Lobe::Refraction) - (1.0 - f) / (1.0 + f)).abs() < 1e-6);
+    assert!((factor(pane, Lobe::Mirror) - 2.0 * f / (1.0 + f)).abs() < 1e-6);
+    // The base under the coat is reached by 1 − F and darkened by (1 − K) / (1 − E K) with K = F for a smooth metal.
+    let gray = StandardBase { color: Rgb::gray(0.5), metalness: 1.0, ..StandardBase::default() };
+    let lacquered = coated(rough(StandardSurface { base: gray, ..StandardSurface::default() }, 0.0), 0.0);
+    let c = fresnel(1.6);
+    let expected = c + (1.0 - c) * 0.5 * (1.0 - c) / (1.0 - 0.5 * c);
+    assert!(
+        (factor(lacquered, Lobe::Mirror) - expected).abs() < 1e-5,
+        "{} {expected}",
+        factor(lacquered, Lobe::Mirror)
+    );
+}
+
+/// Fresnel's equations give the reflection of a thin film for each wavelength (Airy). Its means over the eye's response
+/// are near those of the closed form.
+#[test]
+fn films_have_the_colours_of_airys_formula() {
+    // The colour-matching functions (Wyman, Sloan & Shirley, *Simple Analytic Approximations to the CIE XYZ Color
+    // Matching Functions*, 2013).
+    let lobe = |x: f64, mean: f64, left: f64, right: f64| {
+        let t = (x - mean) * if x < mean { left } else { right };
+        libm::exp(-0.5 * t * t)
+    };
+    let cmf = |w: f64| {
+        [
+            1.056 * lobe(w, 599.8, 0.026_4, 0.032_3) + 0.362 * lobe(w, 442.0, 0.062_4, 0.037_4)
+                - 0.065 * lobe(w, 501.1, 0.049_0, 0.038_2),
+            0.821 * lobe(w, 568.8, 0.021_3, 0.024_7) + 0.286 * lobe(w, 530.9, 0.061_3, 0.032_2),
+            1.217 * lobe(w, 437.0, 0.084_5, 0.027_8) + 0.681 * lobe(w, 459.0, 0.038_5, 0.072_5),
+        ]
+    };
+    let to_rgb = [[3.2405, -1.5371, -0.4985], [-0.9693, 1.8760, 0.0416], [0.0556, -0.2040, 1.0572]];
+    let rgb = |xyz: [f64; 3]| to_rgb.map(|row| row.iter().zip(xyz).map(|(m, v)| m * v).sum::<f64>());
+    for (film, under) in [(1.4, 1.9), (1.6, 1.0)] {
+        for thickness in [0.15, 0.3, 0.45, 0.7] {
+            for cos in [1.0, 0.7, 0.4] {
+                let (mut sum, mut norm) = ([0.0; 3], [0.0; 3]);
+                for i in 0..400 {
+                    let w = 380.0 + f64::from(i);
+                    let bend = |cos: f64, ratio: f64| (1.0 - ratio * ratio * (1.0 - cos * cos)).sqrt();
+                    let inside = bend(cos, 1.0 / film);
+                    let below = bend(inside, film / under);
+                    let delta = 4.0 * std::f64::consts::PI * film * thickness * 1e3 * inside / w;
+                    let share = |r12: f64, r23: f64| {
+                        let c = libm::cos(delta);
+                        (r12 * r12 + r23 * r23 + 2.0 * r12 * r23 * c)
+                            / (1.0 + r12 * r12 * r23 * r23 + 2.0 * r12 * r23 * c)
+                    };
+                    let s = |a: f64, ca: f64, b: f64, cb: f64| (a * ca - b * cb) / (a * ca + b * cb);
+                    let p = |a: f64, ca: f64, b: f64, cb: f64| (b * ca - a * cb) / (b * ca + a * cb);
+                    let r = 0.5 * share(s(1.0, cos, film, inside), s(film, inside, under, below))
+                        + 0.5 * share(p(1.0, cos, film, inside), p(film, inside, under, below));
+                    for (c, v) in cmf(w).into_iter().enumerate() {
+                        sum[c] += r * v;
+                        norm[c] += v;
+                    }
+                }
+                let [exact, white] = [rgb([0, 1, 2].map(|c| sum[c] / norm[c])), rgb([1.0; 3])];
+                let ours = thin_film::reflectance(cos, film, thickness, |_| thin_film::UnderFilm::Dielectric(under));
+                for (c, ours) in ours.to_array().into_iter().enumerate() {
+                    let exact = (exact[c] / white[c]).clamp(0.0, 1.0);
+                    assert!((f64::from(ours) - exact).abs() < 0.021, "{film}, {thickness}, {cos}: {ours}, {exact}");
+                }
+            }
+        }
+    }
+}
+
+/// Cauchy's formula has the Abbe number that it was made from.
+#[test]
+fn dispersion_has_its_abbe_number() {
+    let mut surface = clear();
+    (surface.transmission.dispersion_scale, surface.transmission.dispersion_abbe_number) = (0.5, 20.0);
+    assert!(surface.is_dispersive());
+    let [r, g, b] = surface.dispersed_ior().map(f64::from);
+    assert!(r < g && g < b && (surface.ior() - 1.5).abs() < 1e-6, "{r} {g} {b}");
+    // n = A + B/λ² through red and blue, at the lines F, d and C.
+    let square = |wavelength: f64| 1.0 / (wavelength * wavelength);
+    let slope = (b - r) / (square(WAVELENGTHS[2]) - square(WAVELENGTHS[0]));
+    let n = |wavelength: f64| r + slope * (square(wavelength) - square(WAVELENGTHS[0]));
+    let [f, d, c] = FRAUNHOFER.map(n);
+    assert!(((d - 1.0) / (f - c) - 40.0).abs() < 0.1 && (d - 1.5).abs() < 1e-4, "{f} {d} {c}");
+    surface.thin_walled = true;
+    assert!(!surface.is_dispersive());
+}
+
+#[test]
+fn presets_are_possible_surfaces() {
+    for preset in &PRESETS {
+        preset.surface().check().unwrap();
+        assert!(METALS.len() < PRESETS.len() && preset.name.is_ascii());
+    }
+    let names: Vec<&str> = PRESETS.iter().map(|preset| preset.name).collect();
+    assert!(names.is_sorted() && names.contains(&"velvet") && names.contains(&"soapbubble"));
+    let glass = PRESETS.iter().find(|preset| preset.name == "glass").unwrap().surface();
+    assert_eq!((glass.transmission.weight, glass.specular.roughness), (1.0, 0.0));
+}
+
+/// What other integrators take: a white plastic is matte, a metal mirrors, glass is clear.
+#[test]
+fn other_integrators_take_the_nearest_meaning() {
+    let phong = |surface: StandardSurface| surface.point().phong;
+    let plastic = phong(rough(white(), 0.5));
+    assert!(plastic.kd.g > 0.9 && plastic.k.is_black() && plastic.opacity == 1.0 && plastic.ks.g > 0.0);
+    let gold = phong(metal(rough(white(), 0.2)));
+    assert!(gold.kd.is_black() && gold.k.g == 1.0 && gold.roughness == 0.2);
+    let glass = phong(rough(clear(), 0.0));
+    assert!((glass.opacity - 0.04).abs() < 1e-6 && (glass.k.g - 0.04).abs() < 1e-6 && (glass.eta - 1.5).abs() < 1e-5);
+}
