@@ -364,7 +364,7 @@ impl PathTracer<'_> {
             path.throughput *= 1.0 - share;
             probe.path(PathEvent::Overlay { color: overlay, share });
         }
-        self.disperse(path, &met);
+        self.disperse(path, &met, probe);
         let vertex = self.vertex(&met, frame, path.channel);
         if let Some(crossing) = vertex.crossing.filter(|_| vertex.is_index_matched()) {
             path.segment.go_through(&met, &vertex.frame, [crossing.beyond, crossing.next]);
@@ -543,14 +543,17 @@ impl PathTracer<'_> {
     }
 
     /// Leaves a path one channel of three at a body that refracts them by different angles.
-    fn disperse(&self, path: &mut Path, met: &VisibleHit) {
+    fn disperse<P: Probe>(&self, path: &mut Path, met: &VisibleHit, probe: &mut P) {
         let standard = &self.world.material(&met.hit).standard;
         if path.channel.is_none() && standard.as_ref().is_some_and(|surface| surface.is_dispersive()) {
             let channel = ((path.sample.one(path.place.of(uses::CHANNEL)) * 3.0) as usize).min(2);
             let mut one = [0.0; 3];
             one[channel] = 3.0;
-            path.throughput = path.throughput * Rgb::from(one);
+            let factor = Rgb::from(one);
+            path.throughput = path.throughput * factor;
             path.channel = Some(channel);
+            // A factor of the throughput at this place, like that of a medium of no length.
+            probe.path(PathEvent::Medium { medium: &Medium::VACUUM, distance: 0.0, factor, scattered: None });
         }
     }
 
