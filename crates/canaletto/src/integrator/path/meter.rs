@@ -79,7 +79,7 @@ mod tests {
         };
         let slant = 0.5f64.sqrt();
         for (name, nodes, background, expected) in [
-            ("disk", vec![node(disk.clone(), 0)], 0.0, PI * 4.0 / 5.0),
+            ("disk", vec![node(disk, 0)], 0.0, PI * 4.0 / 5.0),
             ("light", vec![Node::from(light.clone())], 0.0, PI * 0.8 * slant),
             ("sky", vec![], 0.5, PI * 0.5),
             ("sky through fog", vec![node(ball, 1)], 0.5, PI * 0.5 * (-0.125f64).exp()),
