@@ -193,7 +193,8 @@ impl PassState {
     /// the number of samples.
     fn share(&self, seconds: f64) -> Option<f64> {
         let by_time = self.limit.map(|limit| seconds / limit.as_secs_f64());
-        let by_noise = self.noise.map(|(asked, noise)| f64::from(asked / noise).powi(2));
+        let square = |v: f64| v * v;
+        let by_noise = self.noise.map(|(asked, noise)| square(f64::from(asked / noise)));
         let by_noise = by_noise.filter(|share| share.is_finite());
         let share = by_time.into_iter().chain(by_noise).reduce(f64::max)?;
         Some(share.clamp(1e-6, 1.0))

@@ -89,7 +89,7 @@ Examples:
 
 /// What measures.
 enum Meter<'w> {
-    Paths(PathMeter<'w>),
+    Paths(Box<PathMeter<'w>>),
     Radiosity(Arc<RadiositySolution>),
 }
 
@@ -146,7 +146,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let _measuring = interrupt::Rendering;
     interrupt::Rendering::begins();
     let meter = match method {
-        Method::Path => Meter::Paths(PathMeter::new(&world, path_settings.unwrap_or_default())),
+        Method::Path => Meter::Paths(Box::new(PathMeter::new(&world, path_settings.unwrap_or_default()))),
         Method::Radiosity => {
             let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
             let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
