@@ -9,6 +9,7 @@ mod bundles;
 mod cases;
 mod causes;
 mod chapter;
+mod denoise;
 mod determinism;
 mod distributed;
 mod environment;

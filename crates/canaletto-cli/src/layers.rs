@@ -17,6 +17,9 @@ A PNG layer of --aov is a separate file, name.LAYER.png. Its numbers become colo
   object-id, material-id a different colour for each number; black is the background
   tree-depth, cost, samples  grey, white is the picture's largest
   alpha                  grey, white is covered
+  denoising-albedo       the albedo, with the --transfer of the picture
+  denoising-normal, denoising-depth
+                         as normal and depth
   the others             light, with the --tone and --transfer of the picture
 An EXR holds all layers as channels of one file, with unchanged numbers: normal.X, depth.Z, object_id.X, ...";
 
@@ -24,11 +27,18 @@ An EXR holds all layers as channels of one file, with unchanged numbers: normal.
 pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {
     let aov = Aov::from_name(layer.name).unwrap_or(Aov::Cost);
     let pixels: Vec<Rgb> = match aov {
-        Aov::Depth => depth(&layer.data),
-        Aov::Normal => triples(layer).map(|n| if n.is_black() { n } else { n.map(|v| v * 0.5 + 0.5) }).collect(),
+        Aov::Depth | Aov::DenoisingDepth => depth(&layer.data),
+        Aov::Normal | Aov::DenoisingNormal => {
+            triples(layer).map(|n| if n.is_black() { n } else { n.map(|v| v * 0.5 + 0.5) }).collect()
+        }
         Aov::Position => position(layer, bounds),
         Aov::Uv => layer.data.chunks_exact(2).map(|uv| Rgb::new(fraction(uv[0]), fraction(uv[1]), 0.0)).collect(),
         Aov::ObjectId | Aov::MaterialId => (0..layer.data.len()).map(|i| id_color(layer.id(i))).collect(),
+        Aov::DenoisingAlbedo => {
+            let pixels = triples(layer).collect();
+            let albedo = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };
+            return (rgb_image(picture, &develop(&albedo, Tone::Clamp, film.transfer)), film.transfer);
+        }
         _ if aov.is_light() => {
             let light = light(layer, picture, film);
             return (rgb_image(picture, &light), film.transfer);
@@ -146,7 +156,7 @@ mod tests {
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> =
             Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();
-        assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 7 * 3 + 1 + 1 + 1);
+        assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 7 * 3 + 1 + 1 + 1 + 3 + 3 + 1);
         assert_eq!(names, channel_names(&job.aovs));
         for layer in &picture.layers {
             let (image, _) = to_image(layer, &picture, &job.film, &world.bounds());

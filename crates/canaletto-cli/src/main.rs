@@ -7,6 +7,7 @@
 
 mod command;
 mod complete;
+mod denoiser;
 mod digest;
 mod exit;
 mod failure;
@@ -45,7 +46,8 @@ mod watched;
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
-    bake, check, compare, compare_methods, completions, explain, form_factor, grade, info, ladder, man, measure, render,
+    bake, check, compare, compare_methods, completions, denoise, explain, form_factor, grade, info, ladder, man,
+    measure, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -97,6 +99,7 @@ enum Command {
     FormFactor(form_factor::FormFactorFlags),
     Measure(measure::MeasureFlags),
     Bake(bake::BakeFlags),
+    Denoise(denoise::DenoiseFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -140,6 +143,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::FormFactor(flags) => form_factor::run(flags),
         Command::Measure(flags) => measure::run(flags),
         Command::Bake(flags) => bake::run(flags),
+        Command::Denoise(flags) => denoise::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),

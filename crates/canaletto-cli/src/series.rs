@@ -2,6 +2,7 @@
 
 use crate::command::render::{Plan, RenderFlags};
 use crate::complete::{is_complete, texts};
+use crate::denoiser::{self, Denoiser, with_layers};
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
@@ -18,6 +19,7 @@ use crate::shooting_steps::StepWriter;
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
+use canaletto::Named;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
 use canaletto::scene::{Integrator, Sampling, Scene};
@@ -174,6 +176,9 @@ impl<'a> Series<'a> {
         let mut texts = metadata(&self.flags.source, &settings);
         texts.extend(self.flags.passes.texts());
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
+        if let Some(denoiser) = self.flags.denoise {
+            texts.push(("denoiser".into(), denoiser.name().into()));
+        }
         if self.plan.numbered {
             if self.reader.timeline().seconds {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
@@ -262,15 +267,16 @@ impl<'a> Series<'a> {
             None => None,
         };
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
+        let rendered_job = if self.flags.denoise.is_some() { with_layers(&job) } else { job.clone() };
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
         let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
         let observer = PassObserver::new(&watch, plan.style, frame, &self.flags.passes, preview);
         let rendered = match &start {
-            Some(start) => render_on(world, &job, start, &observer)
+            Some(start) => render_on(world, &rendered_job, start, &observer)
                 .map(|rendering| (rendering, None))
                 .map_err(|error| Failure::new(Exit::Scene, format!("--continue: {error}"))),
-            None => self.rendering(frame_context, world, &job, &observer),
+            None => self.rendering(frame_context, world, &rendered_job, &observer),
         };
         let failure = observer.failure();
         let render = watch.finish().as_secs_f64();
@@ -278,6 +284,9 @@ impl<'a> Series<'a> {
             return Err(failure);
         }
         let (mut rendering, solution) = rendered?;
+        if let Some(denoiser) = self.flags.denoise {
+            self.denoise(denoiser, &mut rendering, &job)?;
+        }
         let mut texts = frame_context.texts.clone();
         if !plan.numbered && plan.output.format.has_layers() {
             add_samples(&mut rendering, &mut texts);
@@ -316,6 +325,36 @@ impl<'a> Series<'a> {
             seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
         Ok(RenderedFrame { whole: report.complete, report })
+    }
+
+    /// Denoises a complete picture, and removes the layers that only denoising needs.
+    fn denoise(&self, denoiser: Denoiser, rendering: &mut Rendering, job: &Job) -> Result<(), Failure> {
+        let start = Instant::now();
+        let noisy = denoiser::of_rendering(&rendering.picture);
+        rendering.picture.layers.retain(|layer| job.aovs.iter().any(|aov| aov.name() == layer.name));
+        if !rendering.complete {
+            return Ok(());
+        }
+        if let Some(lacks) = denoiser::lacks(&noisy)
+            && !self.flags.quiet
+            && self.plan.style != Style::Json
+        {
+            eprint_line(&format!("note: {}: {lacks}", self.reader.name));
+        }
+        let goes_on = |_| !interrupt::stops();
+        // After a signal the noisy picture is written.
+        let Some(denoised) = denoiser.run(&noisy, &goes_on)? else { return Ok(()) };
+        let seconds = start.elapsed();
+        if self.plan.style == Style::Json {
+            emit(&json!({
+                "event": "denoised", "frame": job.frame, "denoiser": denoiser.name(), "seconds": seconds.as_secs_f64(),
+                "outlier_light": denoised.outlier_light,
+            }));
+        } else if !self.flags.quiet {
+            eprint_line(&denoiser::told(&denoised, seconds));
+        }
+        rendering.picture.pixels = denoised.color;
+        Ok(())
     }
 
     /// Writes the previews of a frame. Returns where the solution comes from, if radiosity makes them.

@@ -42,6 +42,7 @@
 pub mod bake;
 pub mod camera;
 pub mod causes;
+pub mod denoise;
 pub mod diagnose;
 pub mod explain;
 pub mod film;

@@ -15,7 +15,7 @@ mod zbuffer;
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
 pub use measurement::Measurement;
-pub(crate) use path::PreparedPath;
+pub(crate) use path::{PathTracer, PreparedPath};
 pub use path::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource, SourceSample};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 /// no meaning. Pixels of the background have infinite depth and zeros elsewhere. Light layers (diffuse to refraction)
 /// are filtered like the picture, and so is `alpha`. They sum to it, except for `shadow`, which holds the light that
 /// shadows remove. `tree-depth` and `cost` count rays. `half-a`, `half-b` and `samples` tell of the samples of a
-/// picture that is made in passes.
+/// picture that is made in passes. The layers for denoising are means over camera rays of their own, 8 to 32 for a
+/// pixel, which perfect mirrors and smooth clear bodies reflect and refract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -56,6 +57,14 @@ pub enum Aov {
     HalfB,
     /// The number of the pixel's samples.
     Samples,
+    /// The picture itself, which stays as it is when the colours are denoised.
+    Noisy,
+    /// The share of light that the first rough surface scatters, 0 to 1. Lamps and the background have their colour.
+    DenoisingAlbedo,
+    /// The shading normal there on the viewer's side, in world space; shorter than 1 where a pixel has several.
+    DenoisingNormal,
+    /// The length of the way from the eye to there, as a harmonic mean; infinite where all of the pixel is background.
+    DenoisingDepth,
 }
 
 named!(Aov {
@@ -78,6 +87,10 @@ named!(Aov {
     HalfA => "half-a",
     HalfB => "half-b",
     Samples => "samples",
+    Noisy => "noisy",
+    DenoisingAlbedo => "denoising-albedo",
+    DenoisingNormal => "denoising-normal",
+    DenoisingDepth => "denoising-depth",
 });
 
 impl Aov {
@@ -85,7 +98,7 @@ impl Aov {
     pub fn is_made_by(self, integrator: &Integrator) -> bool {
         match integrator {
             Integrator::Whitted(_) | Integrator::Radiosity(_) => !self.is_of_samples(),
-            Integrator::Path(_) if self.is_of_samples() => true,
+            Integrator::Path(_) if self.is_of_samples() || self.is_of_denoising() => true,
             Integrator::Zbuffer(_) | Integrator::Path(_) => matches!(
                 self,
                 Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::Alpha
@@ -108,16 +121,26 @@ impl Aov {
         matches!(self, Aov::HalfA | Aov::HalfB)
     }
 
+    /// Whether the layer tells a denoiser of surfaces.
+    pub(crate) fn is_feature(self) -> bool {
+        matches!(self, Aov::DenoisingAlbedo | Aov::DenoisingNormal | Aov::DenoisingDepth)
+    }
+
+    /// Whether the layer is made after the picture, for denoising.
+    pub(crate) fn is_of_denoising(self) -> bool {
+        self.is_feature() || self == Aov::Noisy
+    }
+
     /// Whether the layer holds light, in red, green and blue.
     pub fn is_light(self) -> bool {
-        self.channels() == ["R", "G", "B"]
+        self.channels() == ["R", "G", "B"] && !self.is_feature()
     }
 
     /// The names of the layer's channels.
     pub fn channels(self) -> &'static [&'static str] {
         match self {
-            Aov::Depth => &["Z"],
-            Aov::Normal | Aov::Position => &["X", "Y", "Z"],
+            Aov::Depth | Aov::DenoisingDepth => &["Z"],
+            Aov::Normal | Aov::Position | Aov::DenoisingNormal => &["X", "Y", "Z"],
             Aov::Uv => &["U", "V"],
             Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost | Aov::Samples => &["X"],
             Aov::Alpha => &["A"],
@@ -129,7 +152,9 @@ impl Aov {
             | Aov::Reflection
             | Aov::Refraction
             | Aov::HalfA
-            | Aov::HalfB => &["R", "G", "B"],
+            | Aov::HalfB
+            | Aov::Noisy
+            | Aov::DenoisingAlbedo => &["R", "G", "B"],
         }
     }
 
@@ -141,7 +166,16 @@ impl Aov {
     /// The rule by which the layer's values accumulate over passes.
     pub(crate) fn accumulation(self) -> Accumulation {
         match self {
-            Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId => Accumulation::First,
+            Aov::Depth
+            | Aov::Normal
+            | Aov::Position
+            | Aov::Uv
+            | Aov::ObjectId
+            | Aov::MaterialId
+            | Aov::Noisy
+            | Aov::DenoisingAlbedo
+            | Aov::DenoisingNormal
+            | Aov::DenoisingDepth => Accumulation::First,
             Aov::Diffuse
             | Aov::Specular
             | Aov::Shadow

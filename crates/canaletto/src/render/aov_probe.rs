@@ -124,6 +124,8 @@ impl<'w> AovProbe<'w> {
             Aov::Alpha => out[0] = self.alpha,
             // Written from the samples of the film.
             Aov::HalfA | Aov::HalfB | Aov::Samples => {}
+            // Made after the picture.
+            Aov::Noisy | Aov::DenoisingAlbedo | Aov::DenoisingNormal | Aov::DenoisingDepth => {}
         }
     }
 }

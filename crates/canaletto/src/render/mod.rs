@@ -2,6 +2,7 @@
 
 mod aov_probe;
 mod camera_tiles;
+mod features;
 mod lattice;
 mod noise;
 mod pixel;
@@ -104,15 +105,24 @@ fn render_given(
     job.check()?;
     let counted = job.relative_to(world);
     let job = counted.as_ref().unwrap_or(job);
+    let made = features::without_features(job);
+    let finished = |mut rendering: Rendering| {
+        if made.is_some() {
+            features::add_layers(world, job, &mut rendering, observer);
+        }
+        rendering
+    };
+    let inner = made.as_ref().unwrap_or(job);
     with_stack(stack_of(world, job), || {
+        let job = inner;
         if let (Integrator::Path(settings), Ok(())) = (job.integrator, job.passes()) {
             let integrator = PreparedPath::new(world, settings);
-            return Ok(progressive::render(world, job, &integrator, start, observer));
+            return Ok(finished(progressive::render(world, job, &integrator, start, observer)));
         }
-        Ok(match prepare(world, job, solution, observer)? {
+        Ok(finished(match prepare(world, job, solution, observer)? {
             ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
             ControlFlow::Break(()) => Rendering::unfinished(world, job),
-        })
+        }))
     })?
 }
 

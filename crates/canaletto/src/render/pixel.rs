@@ -57,12 +57,12 @@ struct CameraSample {
 }
 
 /// The camera ray of a sample.
-struct CameraRay {
-    line: DRay,
+pub(super) struct CameraRay {
+    pub(super) line: DRay,
     /// The ray differential, if the world needs it.
-    differential: Option<RayDifferential>,
+    pub(super) differential: Option<RayDifferential>,
     /// The time, from 0 (the shutter opens) to 1 (it closes).
-    time: f32,
+    pub(super) time: f32,
     /// The point of the lens that the ray leaves.
     lens: Option<DVec2>,
 }
@@ -342,6 +342,19 @@ impl<'a> PixelRenderer<'a> {
     /// The samples of a pixel.
     fn camera_samples(&self, pixel: [u32; 2], sampling: Sampling) -> impl Iterator<Item = CameraSample> + use<'_, 'a> {
         (0..sampling.count()).map(move |index| self.camera_sample(pixel, sampling, index))
+    }
+
+    /// The camera rays of a pixel's samples, with their random numbers and weights.
+    pub(super) fn camera_rays<'r>(
+        &'r self,
+        world: &'r World,
+        pixel: [u32; 2],
+    ) -> impl Iterator<Item = (CameraRay, Sample, f64)> + use<'r, 'a> {
+        let sampling = self.job.film.sampling;
+        self.camera_samples(pixel, sampling).map(move |sample| {
+            let ray = self.eye(world, sample.position, &sample.numbers, spacing(sampling));
+            (ray, sample.numbers, sample.weight)
+        })
     }
 
     /// Sample number `index` of a pixel.

@@ -62,6 +62,11 @@ impl Plan {
             Some(own) => Some(preview(&flags.output, own.as_deref(), &output, frames)?),
             None => None,
         };
+        if let Some(denoiser) = flags.denoise {
+            denoiser.check()?;
+        } else if aovs.contains(&Aov::Noisy) && !flags.aov.contains(&Layers::All) {
+            return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
+        }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
         let steps = steps(flags, &output, frames)?;
         Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps, preview })

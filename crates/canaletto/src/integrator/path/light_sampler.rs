@@ -66,7 +66,7 @@ impl TreeGroup {
 }
 
 /// All sources of light.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct LightSampler {
     /// The emitting surfaces come first, in the order of the emitters.
     trees: Vec<SourceTree>,

@@ -68,10 +68,23 @@ impl PreparedPath {
                 )]
             }
         };
-        let has_media = in_use().any(|material| !material.medium.is_vacuum());
+        let has_media = has_media(world);
         let has_no_surface = |material: &Material| material.model.is_index_matched_to_air();
         let sees_through = has_media || in_use().any(|material| material.has_holes() || has_no_surface(material));
         PreparedPath { settings, lights, has_media, sees_through, warnings }
+    }
+}
+
+impl PreparedPath {
+    /// Prepares rays that only look for features.
+    pub(crate) fn without_lights(world: &World) -> PreparedPath {
+        PreparedPath {
+            settings: PathSettings { roulette: false, ..PathSettings::DEFAULT },
+            lights: LightSampler::default(),
+            has_media: has_media(world),
+            sees_through: false,
+            warnings: Vec::new(),
+        }
     }
 }
 
@@ -101,6 +114,12 @@ impl PreparedRayIntegrator for PreparedPath {
             stream: PathStream::default(),
         }
     }
+}
+
+/// Whether any material in use has a medium.
+fn has_media(world: &World) -> bool {
+    let mut all = world.materials().iter().zip(world.materials_in_use());
+    all.any(|(material, used)| used && !material.medium.is_vacuum())
 }
 
 /// Whether a material would return more light than arrives. Models of physics never do.

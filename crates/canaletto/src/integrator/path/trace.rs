@@ -1,5 +1,7 @@
 //! One path: from surface to surface, with the light that each of them sends along it.
 
+mod features;
+
 use super::PathTracer;
 use super::direct::ShadowRay;
 use super::emitter::seen_emission;

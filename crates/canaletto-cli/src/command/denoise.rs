@@ -1,0 +1,158 @@
+//! `canaletto denoise`: a noisy picture without its noise.
+
+use crate::denoiser::{Denoiser, lacks, no_colors, of_image, told};
+use crate::exit::Exit;
+use crate::failure::{Failure, eprint_line};
+use crate::flags::named;
+use crate::interrupt;
+use crate::output::{check_files, replaced, unfit, write_file};
+use crate::output_format::Format;
+use crate::picture_file::read_picture;
+use crate::source::on_threads;
+use canaletto::Named;
+use canaletto::film::{Picture, develop};
+use canaletto::math::Rgb;
+use canaletto::scene::{Tone, Transfer};
+use canaletto_io::assets::FileId;
+use canaletto_io::picture::{EncodeSettings, Image};
+use clap::Args;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Removes the noise of a rendered picture.
+///
+/// The picture is an OpenEXR in linear light. Its layers half-a and half-b tell how noisy each pixel is. Its layers
+/// denoising-albedo, denoising-normal and denoising-depth tell where surfaces end. `canaletto render --aov` makes them.
+/// A missing layer is named, and what is done without it.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct DenoiseFlags {
+    /// The noisy picture
+    #[arg(value_name = "PICTURE")]
+    pub picture: PathBuf,
+
+    /// The same scene rendered with another --seed: both pictures are taken as two halves of one
+    #[arg(value_name = "OTHER")]
+    pub other: Option<PathBuf>,
+
+    /// Sets the output file, .exr or .png
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+
+    /// Chooses the denoiser
+    #[arg(long, value_name = "NAME", default_value = "good")]
+    pub denoiser: Denoiser,
+
+    /// Sets the tone mapping of colours over 1 in a PNG
+    #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), default_value = "clamp")]
+    pub tone: Tone,
+
+    /// Sets the transfer curve of a PNG
+    #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>(), default_value = "srgb")]
+    pub transfer: Transfer,
+
+    /// Sets the number of threads [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<u16>,
+
+    /// Fails if the file exists already, instead of replacing it
+    #[arg(long)]
+    pub no_clobber: bool,
+
+    /// Prints errors only
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto render scenes/path.kdl --samples 32 --denoise
+  canaletto render scenes/path.kdl --samples 32 -o noisy.exr \\
+    --aov half-a,half-b,denoising-albedo,denoising-normal,denoising-depth
+  canaletto denoise noisy.exr -o clean.exr
+  canaletto denoise noisy.exr -o clean.png --denoiser fast";
+
+/// Runs the command.
+pub(crate) fn run(flags: &DenoiseFlags) -> Result<Exit, Failure> {
+    on_threads(flags.threads, || denoise(flags))?
+}
+
+fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
+    let extension = flags.output.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let format = extension.as_deref().and_then(Format::of_extension).and_then(Format::picture);
+    let Some(format) = format else {
+        let extensions = Format::picture_extensions();
+        return Err(Failure::usage(format!("--output {}: end the name in {extensions}", flags.output.display())));
+    };
+    flags.denoiser.check()?;
+    check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
+    let inputs = [Some(&flags.picture), flags.other.as_ref()];
+    if let Ok(file) = FileId::of(&flags.output)
+        && inputs.into_iter().flatten().any(|input| FileId::of(input).is_ok_and(|input| input == file))
+    {
+        return Err(replaced("--output", &flags.output));
+    }
+    let decoded = read_picture(&flags.picture)?;
+    let name = flags.picture.display().to_string();
+    if decoded.display_referred {
+        return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
+            .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
+    }
+    let mut noisy = of_image(&decoded.image).ok_or_else(|| no_colors(&name))?;
+    if let Some(other) = &flags.other {
+        let second = read_picture(other)?;
+        let (a, b) = (&decoded.image, &second.image);
+        if [a.width, a.height] != [b.width, b.height] {
+            let message = format!(
+                "{name} has {} x {} pixels, but {} has {} x {}",
+                a.width,
+                a.height,
+                other.display(),
+                b.width,
+                b.height
+            );
+            return Err(Failure::new(Exit::Failed, message).help("both pictures show the same scene in the same size"));
+        }
+        let second = of_image(&second.image).ok_or_else(|| no_colors(&other.display().to_string()))?;
+        let mean = noisy.color.iter().zip(&second.color).map(|(a, b)| (*a + *b) * 0.5).collect();
+        noisy.halves = Some([std::mem::replace(&mut noisy.color, mean), second.color]);
+    }
+    if !flags.quiet
+        && let Some(lacks) = lacks(&noisy)
+    {
+        eprint_line(&format!("note: {name}: {lacks}"));
+    }
+    let start = Instant::now();
+    let goes_on = |_| !interrupt::requested();
+    let Some(denoised) = flags.denoiser.run(&noisy, &goes_on)? else { return Ok(Exit::Interrupted) };
+    let time = start.elapsed();
+    let settings = EncodeSettings { window: Some(decoded.window), ..EncodeSettings::default() };
+    let is_linear = format.capabilities().is_some_and(|can| can.linear);
+    let colors = |pixels: &[Rgb]| pixels.iter().map(|c| c.to_array()).collect::<Vec<_>>();
+    let [width, height] = [decoded.image.width, decoded.image.height];
+    let bytes = if is_linear {
+        let colors = colors(&denoised.color);
+        let mut image = Image::from_rgb(width, height, colors.into_iter());
+        // Other layers stay as they are; the noisy colours become one.
+        for mut channel in decoded.image.channels {
+            if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
+                channel.name = format!("noisy.{}", channel.name);
+            }
+            image.channels.push(channel);
+        }
+        format.encode_image(&image, Transfer::None, &settings, &decoded.metadata)
+    } else {
+        let picture = Picture { pixels: denoised.color.clone(), ..Picture::new(width, height) };
+        let shown = colors(&develop(&picture, flags.tone, flags.transfer));
+        let mut texts = decoded.metadata;
+        texts.retain(|(key, _)| key != "transfer");
+        texts.push(("transfer".into(), flags.transfer.name().into()));
+        let settings = EncodeSettings { window: None, ..settings };
+        format.encode_image(&Image::from_rgb(width, height, shown.into_iter()), flags.transfer, &settings, &texts)
+    };
+    write_file(&flags.output, &bytes.map_err(|e| unfit(&e))?)?;
+    if !flags.quiet {
+        eprint_line(&told(&denoised, time));
+    }
+    Ok(Exit::Done)
+}
