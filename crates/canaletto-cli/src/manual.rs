@@ -25,6 +25,7 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | `diagnostics` | the scene is read, or built, and has warnings | `diagnostics`: a list of `severity`, `message`, `file`, `bytes`, `start`, `end`, `label`, `help` |
 | `plan` | with `--dry-run`, in place of all events below | `version`, `scene`, `camera`, `size`, `frames`, `files`, `census`, `memory` (bytes: `world`, `picture`, `peak`) |
 | `skipped` | a frame is complete already | `frame`, `files` |
+| `denoised` | a frame is denoised | `frame`, `denoiser`, `seconds`, `outlier_light` (the share of light in outliers) |
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `solving` | radiosity is solved: in each new phase, and at most five times a second | `frame`, `phase` (`patches`, `lights`, `links`, `balance`, `shooting`), `patches`, `links`, `seconds`; `round` and `rounds` of `links`, `bounce` of `balance`, `step` and `unsent` (the share of the light) of `shooting` |
 | `step` | a picture of `--shooting-steps` is written | `step`, `unsent`, `file` |

@@ -5,6 +5,7 @@
 //! predicts all pixels of its window, and a pixel is the weighted mean of its predictions. Deviations: there is one
 //! pass of weights instead of two, anchors stand on every other row only, and small features are damped (ridge) instead
 //! of filtered.
+#![allow(clippy::needless_range_loop)] // Lanes of several arrays go in step.
 
 use super::features::FeaturePlanes;
 use super::plane::{ColorPlanes, MARGIN, Plane, falloff};
