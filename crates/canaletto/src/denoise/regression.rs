@@ -49,7 +49,7 @@ pub(super) fn regress(data: &ColorPlanes, guide: &PatchGuide, features: &Feature
     let predicted: Vec<Vec<[Lanes; 4]>> = bands
         .par_iter()
         .map(|first| {
-            let groups = size[0].next_multiple_of(LANES) / LANES + 2;
+            let groups = size[0].div_ceil(LANES) + 2;
             let mut sums = vec![[[0.0; LANES]; 4]; groups * (BAND + 2 * RADIUS)];
             let mut band = Band { data, guide, features, first: *first, sums: &mut sums };
             band.predict();
@@ -57,7 +57,7 @@ pub(super) fn regress(data: &ColorPlanes, guide: &PatchGuide, features: &Feature
         })
         .collect();
     let mut planes = [0, 1, 2].map(|_| Plane::new(size));
-    let groups = size[0].next_multiple_of(LANES) / LANES + 2;
+    let groups = size[0].div_ceil(LANES) + 2;
     let value = |x: usize, y: usize, c: usize| {
         let at = (x + LANES) / LANES;
         let lane = x % LANES;
@@ -325,7 +325,7 @@ impl Kernel for Fit<'_, '_> {
                 }
             }
         }
-        let groups = band.data[0].size[0].next_multiple_of(LANES) / LANES + 2;
+        let groups = band.data[0].size[0].div_ceil(LANES) + 2;
         for (offset, w) in weights.iter().enumerate() {
             let (terms, _) = terms(offset);
             let mut predicted = [[0.0; LANES]; 3];

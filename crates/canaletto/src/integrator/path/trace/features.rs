@@ -45,14 +45,14 @@ impl PathTracer<'_> {
             }
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
             let Some((met, _)) = self.meet(&path.segment, found, &mut ()) else {
-                return background(as_albedo(path.throughput * self.environment(&path.segment, true)));
+                return background(as_albedo(path.throughput * self.environment(&path.segment, true, &mut ())));
             };
             let frame = Frame::new(met.line.direction, &met.surface);
             let distance = path.segment.line.origin.distance(frame.exact);
             let (place, sample) = (path.place.of(uses::NEXT), path.sample);
             path.place = place;
             if let Some((medium, inside)) = self.medium_before(&met, frame.outside)
-                && self.pass_medium(&mut path, &medium, inside, distance).is_some()
+                && self.pass_medium(&mut path, &medium, inside, distance, &mut ()).is_some()
             {
                 // The middle of the way stands for the place in the medium.
                 let depth = depth + 0.5 * distance;
@@ -79,7 +79,7 @@ impl PathTracer<'_> {
                 continue;
             }
             let before = path.throughput;
-            let goes_on = self.go_on(&mut path, &Vertex::Surface(&vertex));
+            let goes_on = self.go_on(&mut path, &Vertex::Surface(&vertex), &mut ()).is_ok();
             // A random direction changes the throughput by f / pdf, whose mean is the albedo.
             if !goes_on || path.segment.scattered.is_some() || share > 0.0 || specular == MOST_SPECULAR {
                 return shown(path.throughput * (1.0 - share) + before * overlay * share);
