@@ -55,7 +55,7 @@ impl Truth {
         for i in 0..SIDE * SIDE {
             let (x, y) = ((i % SIDE) as f32 / SIDE as f32, (i / SIDE) as f32 / SIDE as f32);
             let is_floor = y > 0.6;
-            let checker = ((x * 8.0) as u32 + (y * 8.0) as u32) % 2 == 0;
+            let checker = ((x * 8.0) as u32 + (y * 8.0) as u32).is_multiple_of(2);
             let albedo = match (is_floor, checker) {
                 (true, true) => [0.8, 0.7, 0.5],
                 (true, false) => [0.2, 0.1, 0.05],
