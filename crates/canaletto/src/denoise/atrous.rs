@@ -2,9 +2,9 @@
 //! tolerance for differences of light follows the variance (Schied et al. 2017, *Spatiotemporal Variance-Guided
 //! Filtering*, its spatial part).
 //!
-//! Deviation: the first pass compares means of 3 × 3 pixels, since single pixels of few samples tell little. Each half is
-//! filtered by weights of its own, so that the other half can judge the result: weights from the other half would follow
-//! its noise.
+//! Deviation: the first pass compares means of 3 × 3 pixels, since single pixels of few samples tell little. Each half
+//! is filtered by weights of its own, so that the other half can judge the result: weights from the other half would
+//! follow its noise.
 #![allow(clippy::needless_range_loop)] // Lanes of several arrays go in step.
 
 use super::features::FeaturePlanes;

@@ -1,5 +1,6 @@
 //! The filter of quality: first-order regression on features (Bitterli et al. 2016, *Nonlinearly Weighted First-Order
-//! Regression for Denoising Monte Carlo Renderings*), with weights of non-local means (Rousselle, Knaus & Zwicker 2012).
+//! Regression for Denoising Monte Carlo Renderings*), with weights of non-local means (Rousselle, Knaus & Zwicker
+//! 2012).
 //!
 //! Around each anchor pixel, light is fitted as a linear function of place, normal, albedo and nearness. Each fit
 //! predicts all pixels of its window, and a pixel is the weighted mean of its predictions. Deviations: there is one
