@@ -4,8 +4,8 @@
 //!    after the filters, so that none is lost. How much there was is reported.
 //! 2. Light is divided by the albedo, so that textures are no edges.
 //! 3. Two filters average what belongs together: à-trous wavelets, which are fast, and first-order regression.
-//! 4. Each pixel takes the filter of the least error, or none. Each half of the samples estimates the errors of what the
-//!    other half became.
+//! 4. Each pixel takes the filter of the least error, or none. Each half of the samples estimates the errors of what
+//!    the other half became.
 //!
 //! Everything is deterministic and the same for any number of threads.
 

@@ -77,8 +77,8 @@ pub(crate) struct RenderFlags {
 
     /// Removes the noise of the finished picture [default without a name: good]
     ///
-    /// --denoise=fast takes a tenth of the time. --denoise=oidn uses Intel's Open Image Denoise from the folder that the
-    /// variable OIDN_DIR names. Previews and parts of pictures stay noisy. --aov noisy keeps the noisy picture as a
+    /// --denoise=fast takes a tenth of the time. --denoise=oidn uses Intel's Open Image Denoise from the folder that
+    /// the variable OIDN_DIR names. Previews and parts of pictures stay noisy. --aov noisy keeps the noisy picture as a
     /// layer.
     #[arg(long, value_name = "DENOISER", num_args = 0..=1, default_missing_value = "good", require_equals = true,
         help_heading = "Output")]

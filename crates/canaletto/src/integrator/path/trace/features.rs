@@ -73,7 +73,8 @@ impl PathTracer<'_> {
             if !emission.is_black() || share >= 1.0 {
                 return shown(path.throughput * (emission * (1.0 - share) + overlay * share));
             }
-            let vertex = self.vertex(&met, frame, path.channel);
+            // Without dispersion: a single channel would tint the albedo.
+            let vertex = self.vertex(&met, frame, None);
             if let Some(crossing) = vertex.crossing.filter(|_| vertex.is_index_matched()) {
                 path.segment.go_through(&met, &vertex.frame, [crossing.beyond, crossing.next]);
                 continue;
