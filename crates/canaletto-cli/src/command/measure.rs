@@ -88,7 +88,6 @@ Examples:
   canaletto measure scenes/cornell-box.kdl --points desk.csv --solution cornell.rad";
 
 /// What measures.
-#[allow(clippy::large_enum_variant)] // A run has one.
 enum Meter<'w> {
     Paths(Box<PathMeter<'w>>),
     Radiosity(Arc<RadiositySolution>),
