@@ -127,7 +127,7 @@ impl Aov {
     }
 
     /// Whether the layer is made after the picture, for denoising.
-    pub(crate) fn is_of_denoising(self) -> bool {
+    pub fn is_of_denoising(self) -> bool {
         self.is_feature() || self == Aov::Noisy
     }
 

@@ -40,7 +40,11 @@ impl Plan {
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
-                Layers::All => Aov::made_by(&Integrator::default()),
+                // Layers for denoising take passes of their own, and are asked for by name.
+                Layers::All => {
+                    let all = Aov::made_by(&Integrator::default()).into_iter();
+                    all.filter(|aov| !aov.is_of_denoising()).collect()
+                }
                 Layers::One(aov) => vec![*aov],
             };
             for aov in named {
@@ -64,7 +68,7 @@ impl Plan {
         };
         if let Some(denoiser) = flags.denoise {
             denoiser.check()?;
-        } else if aovs.contains(&Aov::Noisy) && !flags.aov.contains(&Layers::All) {
+        } else if aovs.contains(&Aov::Noisy) {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
