@@ -393,7 +393,8 @@ fn noise_of_pictures_falls_as_theory_says() {
             (squares.sum::<f64>() / f64::from(seeds as u32)).sqrt()
         };
         let counts = [4, 16, 64, 256];
-        for (&sampler, expected) in SamplerKind::ALL.iter().zip([-0.75, -0.75, -0.5]) {
+        let rates = [(SamplerKind::Sobol, -0.75), (SamplerKind::Jittered, -0.75), (SamplerKind::Independent, -0.5)];
+        for (sampler, expected) in rates {
             let word = sampler.name();
             let errors = counts.map(|n| error(n, sampler));
             let rate = (errors[3] / errors[0]).ln() / (64f64).ln();
