@@ -90,9 +90,12 @@ impl PathTracer<'_> {
     }
 }
 
-/// A colour as an albedo: scaled so that no component is above 1.
+/// A colour as an albedo: scaled so that no component is above 1. What is no number is black.
 fn as_albedo(color: Rgb) -> Rgb {
     let color = color.saturated();
+    if !color.is_finite() {
+        return Rgb::BLACK;
+    }
     let largest = color.max_component();
     if largest > 1.0 { color * (1.0 / largest) } else { color }
 }
