@@ -126,7 +126,8 @@ fn no_surface_gains_light() {
         for roughness in [0.0, 0.2, 0.6, 1.0] {
             for degrees in ANGLES {
                 let albedo = albedo(&bsdf(make(roughness)), degrees);
-                // The albedo is a mean over few facets, and those of brushed metal are stretched. A rough leaf gains 3 %.
+                // The albedo is a mean over few facets, and those of brushed metal are stretched.
+                // A rough leaf gains 3 %.
                 let most = if name == "leaf" { 1.03 } else { 1.0125 };
                 assert!(albedo <= most, "{name}, roughness {roughness}, {degrees}°: {albedo}");
             }
@@ -149,7 +150,8 @@ fn what_absorbs_nothing_loses_nothing() {
                 ("leaf", rough(leaf(), roughness)),
             ] {
                 let albedo = albedo(&bsdf(surface), degrees);
-                // The tables are right to 0.5 %, the sum over samples to 0.5 % at grazing angles. A rough leaf gains 3 %.
+                // The tables are right to 0.5 %, the sum over samples to 0.5 % at grazing angles.
+                // A rough leaf gains 3 %.
                 let most = if name == "leaf" { 0.03 } else { 0.01 };
                 assert!((albedo - 1.0).abs() < most, "{name}, roughness {roughness}, {degrees}°: {albedo}");
             }
