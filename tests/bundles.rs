@@ -92,6 +92,31 @@ fn loose_things(count: usize) -> Scene {
     Scene { materials: few_things(false).materials, nodes: nodes.collect(), ..Scene::default() }
 }
 
+/// Many instances of the meshes of [`few_things`], close together, of clay, silver and glass. If `moves`, every fifth
+/// moves.
+fn many_things(moves: bool) -> Scene {
+    let (mut random, mut scene) = (Random(9), few_things(moves));
+    for n in 0..60 {
+        let place = Transform::translate(random.vector().as_dvec3() * 1.5)
+            .after(&Transform::rotate(random.vector().as_dvec3(), 90.0).unwrap())
+            .after(&Transform::scale(DVec3::new(0.4, 0.3, 0.5)).unwrap());
+        let mut node =
+            Node::new(Content::Mesh(1 + n % 2)).with_material([0, 0, 1, 2][n as usize % 4]).with_transform(&place);
+        if moves && n % 5 == 0 {
+            let turn = Transform::rotate(DVec3::Y, 30.0).unwrap();
+            node.motion = vec![Transform::IDENTITY, Transform::translate(DVec3::Y * 0.3).after(&turn)].into();
+        }
+        scene.nodes.push(node);
+    }
+    if moves {
+        let omni = Omni { position: [2.0, 3.0, 1.0, 1.0] };
+        let mut light = Node::new(Content::Light(Light::new(LightKind::Omni(omni), Rgb::gray(0.4))));
+        light.motion = vec![Transform::IDENTITY, Transform::translate(DVec3::X * 2.0)].into();
+        scene.nodes.push(light);
+    }
+    scene
+}
+
 struct Random(u32);
 
 impl Random {
@@ -164,18 +189,25 @@ fn bundles_find_what_brute_force_finds() {
         ("more in clouds", clouds(20), &[0.0]),
         ("many in clouds", clouds(40), &[0.0]),
         ("many", still_life(1.0), &[0.0]),
+        ("many meshes", many_things(false), &[0.0]),
+        ("many moving", many_things(true), &[0.0, 0.3, 1.0, 0.3, 0.7]),
     ] {
         let world = World::build(scene).unwrap();
-        assert_eq!(world.stats().instances > 8, name == "many");
+        assert_eq!(world.stats().instances > 8, name.starts_with("many ") && !name.contains("cloud") || name == "many");
         let (mut bundle, mut last) = (RayBundle::default(), OccluderCache::NONE);
         let mut found = [0; 4];
         for (n, rays) in bundles(900).enumerate() {
-            let time = times[n % times.len()];
+            // Each ray has a time of its own, or all have one.
+            let time = |index: usize| times[if n % 3 == 0 { n } else { n + index } % times.len()];
             bundle.clear();
             rays.iter().for_each(|(ray, t_max)| bundle.push(*ray, *t_max));
-            world.intersect_batch(&mut bundle, time);
-            world.occlusion_batch(&mut bundle, time, &mut last);
+            if times.len() > 1 {
+                bundle.set_times((0..rays.len()).map(time));
+            }
+            world.intersect_batch(&mut bundle);
+            world.occlusion_batch(&mut bundle, &mut last);
             for (index, (ray, t_max)) in rays.iter().enumerate() {
+                let time = time(index);
                 let expected = world.intersect_brute_force_at(ray, *t_max, time);
                 assert_eq!(bundle.hit(index), expected, "{name} {ray:?}");
                 // Unattenuated rays have full transmittance, and opaque surfaces have none.
@@ -200,12 +232,13 @@ fn job(width: u32, height: u32, sampling: Sampling) -> Job {
 
 #[test]
 fn what_bundles_paint_is_explained() {
-    let world = World::build(few_things(false)).unwrap();
-    for sampling in [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 2, threshold: 0.05 }] {
+    let worlds = [few_things(false), few_things(true), many_things(true)].map(|scene| World::build(scene).unwrap());
+    let samplings = [Sampling::Center, Sampling::Jittered(2), Sampling::Adaptive { n: 2, threshold: 0.05 }];
+    for (world, sampling) in worlds.iter().flat_map(|world| samplings.map(|sampling| (world, sampling))) {
         let job = job(48, 36, sampling);
-        let picture = render(&world, &job, &()).unwrap().picture;
+        let picture = render(world, &job, &()).unwrap().picture;
         for (x, y) in (0..36).flat_map(|y| (0..48).map(move |x| (x, y))) {
-            let (sum, pixel) = (explain(&world, &job, x, y).unwrap().sum(), picture.pixel(x, y));
+            let (sum, pixel) = (explain(world, &job, x, y).unwrap().sum(), picture.pixel(x, y));
             assert_eq!(sum.to_array().map(f32::to_bits), pixel.to_array().map(f32::to_bits), "{sampling:?} {x} {y}");
         }
     }
@@ -213,8 +246,8 @@ fn what_bundles_paint_is_explained() {
 
 #[test]
 fn rays_are_counted_alike_alone_and_together() {
-    for moves in [false, true] {
-        let world = World::build(few_things(moves)).unwrap();
+    for scene in [few_things(false), few_things(true), many_things(false), many_things(true)] {
+        let world = World::build(scene).unwrap();
         for sampling in [Sampling::Corner, Sampling::Sampled(3), Sampling::Adaptive { n: 3, threshold: 0.1 }] {
             let together = job(50, 37, sampling);
             // A probe writes layers and traces rays one by one.

@@ -5,7 +5,7 @@ use crate::build::refit;
 use crate::build::{self, BuildError, Built, PrimRefs, Quality};
 use crate::node::{Child, Leaf, MAX_LEAF, Node};
 use crate::traverse::{self, AnyHitVisitor, ClosestVisitor, StreamVisitor};
-use crate::{Aabb, InflatedRay, PreparedRay, Statistics, with_stack};
+use crate::{Aabb, InflatedRay, PreparedRay, RayEnds, RayFilter, Statistics, with_stack};
 
 /// A tree of boxes over primitives that the caller keeps.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,6 +108,16 @@ impl Bvh {
     #[inline(never)]
     pub fn occluded_inflated(&self, ray: &InflatedRay, t_max: f32, leaf: impl FnMut(Leaf) -> bool) -> bool {
         traverse::any(&self.nodes, ray, t_max, leaf)
+    }
+
+    /// Calls `visit` for the slots whose boxes any of many rays enters, roughly from near to far. `slot_bounds` are the
+    /// boxes in the order of the slots. `visit` gets the slot and the numbers of the rays that enter its box, and may
+    /// lower the ends of rays.
+    ///
+    /// # Panics
+    /// If there is no box for a slot.
+    pub fn filter(&self, rays: &mut RayFilter, slot_bounds: &[Aabb], visit: impl FnMut(u32, &[u32], &mut RayEnds)) {
+        rays.traverse(&self.nodes, slot_bounds, visit);
     }
 
     /// Calls `leaf` for the leaves whose boxes overlap `bounds`. It ends when `leaf` returns false.

@@ -36,6 +36,7 @@
 //! | `BVHNIntersector1` | `traverse::closest`, `traverse::any` | `traverse/single.rs` |
 //! | `BVHNIntersectorStream` | `traverse::trace_stream` | `traverse/stream.rs` |
 //! | `BVHNIntersectorKHybrid`, packets | `traverse::packet` | `traverse/packet/` |
+//! | stream filtering (no counterpart) | [`RayFilter`] | `traverse/filter.rs` |
 //! | `RTCHit` | [`PrimitiveHit`] | `hit.rs` |
 //! | `rtcOccluded1` | [`TriangleBvh::occluded`] | `triangle_bvh.rs` |
 //! | ISA selection | `simd::dispatch` | `simd/dispatch.rs` |
@@ -144,4 +145,5 @@ pub use simd::{InstructionSet, Kernel};
 pub use stack_space::{NoThreads, with_stack};
 pub use statistics::Statistics;
 pub use traversal_stats::TraversalStats;
+pub use traverse::{RayEnds, RayFilter};
 pub use triangle_bvh::TriangleBvh;

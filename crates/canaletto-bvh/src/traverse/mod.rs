@@ -8,15 +8,18 @@
 //! 4. `stream`: many incoherent rays, 32 of them in flight, as Embree's `BVHNIntersectorStream`.
 //! 5. `packet`: up to 64 coherent rays in groups of sixteen, as Embree's hybrid packets. A packet has a traversal loop
 //!    of its own.
+//! 6. `filter`: many rays through a tree over instances. Each node passes the rays that enter a child on to it.
 //!
-//! The node test is in `simd/node_test/`. All three kinds of traversal return equal hits, bit for bit.
+//! The node test is in `simd/node_test/`. All kinds of traversal return equal hits, bit for bit.
 
+mod filter;
 mod leaf_visitor;
 pub(crate) mod packet;
 mod single;
 mod stack;
 mod stream;
 
+pub use filter::{RayEnds, RayFilter};
 pub(crate) use leaf_visitor::{AnyHitVisitor, ClosestVisitor};
 pub(crate) use single::{any, closest, closest_by};
 pub(crate) use stream::{NumberedRay, StreamVisitor, trace_stream};

@@ -69,13 +69,14 @@ pub(crate) trait RayIntegrator<'w> {
     /// neighbouring samples; it is needed if [`World::needs_differentials`] returns true.
     fn eye<P: Probe>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb;
 
-    /// Adds camera rays to the batch that waits to be traced. All of them have one time; successive rays should have
-    /// nearly equal directions. There are as many `samples` as `lines`. There are as many `differentials` too, unless
-    /// nothing uses them.
+    /// Adds camera rays to the batch that waits to be traced. Successive rays should have nearly equal directions.
+    /// There are as many `samples` as `lines`. There are as many `times` too, unless nothing in the world moves, and as
+    /// many `differentials`, unless nothing uses them.
     fn push_camera_rays(
         &mut self,
         lines: &[DRay],
         samples: &[Sample],
+        times: &[f32],
         differentials: impl IntoIterator<Item = RayDifferential>,
     );
 

@@ -287,14 +287,13 @@ impl<'a> PixelRenderer<'a> {
         let Samples { places, numbers, colors, lines, .. } = samples;
         colors.clear();
         let (world, camera) = (integrator.world(), &self.job.camera);
-        // Lights and moving instances are at one time's positions.
-        let alone = self.moves(world);
-        if !self.plain || alone {
+        let world_moves = world.moves();
+        if !self.plain || self.moves(world) {
             for (place, numbers) in places.iter().zip(numbers) {
                 let CameraRay { line, differential, time, .. } = self.eye(world, *place, numbers, spacing);
-                integrator.begin(*numbers, time);
-                integrator.push_camera_rays(&[line], &[*numbers], differential);
-                if alone || integrator.is_full() {
+                let times = if world_moves { &[time][..] } else { &[] };
+                integrator.push_camera_rays(&[line], &[*numbers], times, differential);
+                if integrator.is_full() {
                     colors.extend_from_slice(integrator.trace_pending());
                 }
                 if integrator.is_cancelled() {
@@ -309,7 +308,8 @@ impl<'a> PixelRenderer<'a> {
             lines.resize(places.len(), DRay { origin: DVec3::ZERO, direction: DVec3::ZERO });
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
-            integrator.push_camera_rays(lines, numbers, seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing)));
+            let differentials = seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing));
+            integrator.push_camera_rays(lines, numbers, &[], differentials);
             colors.extend_from_slice(integrator.trace_pending());
             if integrator.is_cancelled() {
                 break;

@@ -231,6 +231,7 @@ impl World {
             clear_bounds: clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b)),
             clear_instances,
             shells: shells(&builder.geometries, |geometry| clear[geometry]),
+            clear_geometries: clear,
             materials,
             light_materials,
             visible_lights,

@@ -1,18 +1,19 @@
 //! Queries for batches of rays. Results equal those of single rays bit for bit.
 //!
-//! In a world of few instances, each instance is tested with all groups of rays that may hit it. A mesh, a cloud or a
-//! geometry of many shapes sends them through its tree in packets. In a world of many instances or of groups, rays are
-//! traced one by one. Shadow rays are traced one by one, too, at a geometry of more than a few primitives of which some
-//! may be clear.
+//! In a world of few instances, each instance is tested with all groups of rays that may hit it. In a world of many
+//! instances or of groups, the hierarchy finds the rays of each instance (`bundle_tree`). A mesh, a cloud or a geometry
+//! of many shapes sends its rays through its tree in packets. Shadow rays are traced one by one at a geometry of more
+//! than a few primitives of which some may be clear.
 
 use super::World;
+use super::batch_query::{BatchQuery, BatchRays, Blockers, NearestHits, Target};
+use super::bundle_tree::FilterLevel;
 use super::geometry::Geometry;
 use super::instance::NONE;
 use super::packet_bounds::{GROUP, PacketBounds};
 use super::query::Hit;
 use super::shadow::{OccluderCache, Occlusion};
 use super::shape_list;
-use crate::math::DRay;
 use crate::shape::{SURFACES, Vec3x8, vec3};
 use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 use glam::Vec3;
@@ -33,22 +34,44 @@ pub struct RayBundle {
     rays: Rays,
     /// The `t_max` of each ray.
     t_max: Vec<f32>,
+    /// The time of each ray; empty if that is 0 for all rays.
+    times: Vec<f32>,
     /// The hit of each ray, by [`World::intersect_batch`].
     nearest: Vec<Hit>,
     /// The occlusion of each ray, by [`World::occlusion_batch`].
     occlusion: Vec<Occlusion>,
-    /// The rays in an instance's space.
-    local: Rays,
-    packet_bounds: Vec<PacketBounds>,
     /// The results of one geometry.
     found: Vec<PrimitiveHit>,
+    /// The end of each ray that isn't blocked yet.
     open: Vec<f32>,
+    /// The ends of the rays at one geometry.
+    ends: Vec<f32>,
+    buffers: InstanceBuffers,
+}
+
+/// Buffers for finding the rays of each instance.
+#[derive(Debug, Default)]
+pub(super) struct InstanceBuffers {
+    /// The rays in an instance's space.
+    pub(super) local: Rays,
+    packet_bounds: Vec<PacketBounds>,
+    /// Spare buffers for the traversal of one hierarchy.
+    pub(super) levels: Vec<FilterLevel>,
+}
+
+impl InstanceBuffers {
+    /// Finds the bounds of the groups of rays, if the world's instances are few.
+    fn bound_groups(&mut self, world: &World, rays: &[Ray], t_max: &[f32]) {
+        if world.is_small() {
+            PacketBounds::of_groups(&mut self.packet_bounds, rays, t_max);
+        }
+    }
 }
 
 /// Rays in one space.
 #[derive(Debug, Default)]
-struct Rays {
-    rays: Vec<Ray>,
+pub(super) struct Rays {
+    pub(super) rays: Vec<Ray>,
     /// Prepared rays of the range `ready`.
     prepared: Vec<PreparedRay>,
     /// The range of the rays in `prepared`.
@@ -56,9 +79,15 @@ struct Rays {
 }
 
 impl Rays {
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.rays.clear();
         self.ready = 0..0;
+    }
+
+    /// All these rays.
+    pub(super) fn all(&mut self) -> RayRange<'_> {
+        let range = 0..self.rays.len();
+        RayRange { all: self, range, packet_bounds: &[] }
     }
 }
 
@@ -129,20 +158,27 @@ impl RayBundle {
     pub fn clear(&mut self) {
         self.rays.clear();
         self.t_max.clear();
+        self.times.clear();
     }
 
-    /// Replaces the rays. Each has this `t_max`.
+    /// Replaces the rays. Each has this `t_max`, and time 0.
     pub fn set(&mut self, rays: &[Ray], t_max: f32) {
         self.clear();
         self.rays.rays.extend_from_slice(rays);
         self.t_max.resize(rays.len(), t_max);
     }
 
-    /// Adds a ray with its `t_max`.
+    /// Adds a ray with its `t_max`. Its time is 0.
     #[inline]
     pub fn push(&mut self, ray: Ray, t_max: f32) {
         self.rays.rays.push(ray);
         self.t_max.push(t_max);
+    }
+
+    /// Sets the times of the rays, from 0 (the shutter opens) to 1 (it closes). Rays beyond the list have time 0.
+    pub fn set_times(&mut self, times: impl IntoIterator<Item = f32>) {
+        self.times.clear();
+        self.times.extend(times);
     }
 
     /// Adds those of eight rays whose bit is set, each with its `t_max`.
@@ -190,18 +226,22 @@ impl RayBundle {
     /// Keeps the rays for which `goes_on` returns true. It gets the index of a ray, the ray, its `t_max` and its hit,
     /// and may change the ray and its `t_max`.
     pub(super) fn retain(&mut self, mut goes_on: impl FnMut(usize, &mut Ray, &mut f32, Option<Hit>) -> bool) {
-        let Self { rays, t_max, nearest, .. } = self;
+        let Self { rays, t_max, times, nearest, .. } = self;
         let mut left = 0;
         for index in 0..t_max.len() {
             let (mut ray, mut end) = (rays.rays[index], t_max[index]);
             if goes_on(index, &mut ray, &mut end, nearest[index].real()) {
                 (rays.rays[left], t_max[left]) = (ray, end);
+                if let Some(&time) = times.get(index) {
+                    times[left] = time;
+                }
                 left += 1;
             }
         }
         rays.rays.truncate(left);
         rays.ready = 0..0;
         t_max.truncate(left);
+        times.truncate(left);
     }
 
     /// The occlusion of the ray at `index`, after [`World::occlusion_batch`].
@@ -213,62 +253,35 @@ impl RayBundle {
 
 impl World {
     /// [`World::intersect_at`] for each ray of a batch. [`RayBundle::hit`] returns the results.
-    pub fn intersect_batch(&self, bundle: &mut RayBundle, time: f32) {
-        self.intersect_bundle_with(bundle, time, |ray, t_max| self.intersect_at(ray, t_max, time), |_| true);
+    pub fn intersect_batch(&self, bundle: &mut RayBundle) {
+        self.intersect_bundle_with(bundle, |_| true);
     }
 
-    /// [`World::intersect_batch`] on few instances, restricted to those for which `counts` returns true. Otherwise
-    /// `one` finds the nearest hit of each ray.
-    pub(super) fn intersect_bundle_with(
-        &self,
-        bundle: &mut RayBundle,
-        time: f32,
-        one: impl Fn(&Ray, f32) -> Option<Hit>,
-        counts: impl Fn(u32) -> bool,
-    ) {
-        let RayBundle { rays, t_max, nearest, local, packet_bounds, found, .. } = bundle;
+    /// [`World::intersect_batch`], restricted to those of the root's instances for which `counts` returns true.
+    pub(super) fn intersect_bundle_with(&self, bundle: &mut RayBundle, counts: impl Fn(u32) -> bool) {
+        let RayBundle { rays, t_max, times, nearest, found, buffers, .. } = bundle;
+        let time = |index: usize| times.get(index).copied().unwrap_or(0.0);
         nearest.clear();
-        if !self.uses_batches(&rays.rays) {
-            let hit = |ray, t_max| one(ray, t_max).unwrap_or(Hit::none(t_max, time));
-            nearest.extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| hit(ray, t_max)));
-            return;
-        }
-        nearest.extend(t_max.iter().map(|&t_max| Hit::none(t_max, time)));
+        nearest.extend(t_max.iter().enumerate().map(|(index, &t_max)| Hit::none(t_max, time(index))));
         if !self.unbounded.is_empty() {
             rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
         }
-        PacketBounds::of_groups(packet_bounds, &rays.rays, t_max);
-        self.for_candidate_rays((rays, local), packet_bounds, time, counts, |number, geometry, part| {
-            let nearest = &mut nearest[part.range.clone()];
-            found.clear();
-            found.extend(nearest.iter().map(|best| PrimitiveHit::none(best.t)));
-            geometry.intersect_batch(part, found);
-            for (best, &found) in nearest.iter_mut().zip(&*found) {
-                best.update(number, found);
-            }
-        });
+        buffers.bound_groups(self, &rays.rays, t_max);
+        let mut query = NearestHits { nearest, found };
+        self.meet_instances(rays, times, &mut query, buffers, counts);
     }
 
-    /// Whether each instance is tested with all rays of a batch.
-    fn uses_batches(&self, rays: &[Ray]) -> bool {
-        rays.len() > 1 && self.is_small()
-    }
-
-    /// Whether each instance is one geometry, and instances are few.
+    /// Whether each instance is one geometry, and instances are few. Each of them is then tested with all rays of a
+    /// batch.
     pub(super) fn is_small(&self) -> bool {
         self.root.is_flat() && self.root.instances.len() <= MAX_LISTED
     }
 
     /// The occlusion of each ray of a batch. [`RayBundle::occlusion`] returns the results. `last` is the last occluder
     /// of earlier rays, a hint.
-    pub fn occlusion_batch(&self, bundle: &mut RayBundle, time: f32, last: &mut OccluderCache) {
-        let RayBundle { rays, t_max, occlusion, local, open, packet_bounds, .. } = bundle;
+    pub fn occlusion_batch(&self, bundle: &mut RayBundle, last: &mut OccluderCache) {
+        let RayBundle { rays, t_max, times, occlusion, open, ends, buffers, .. } = bundle;
         occlusion.clear();
-        if !self.uses_batches(&rays.rays) {
-            occlusion
-                .extend(rays.rays.iter().zip(t_max).map(|(ray, &mut t_max)| self.occlusion(ray, t_max, time, last)));
-            return;
-        }
         occlusion.resize(rays.rays.len(), Occlusion::Nothing);
         // A ray with an opaque occluder takes no further part.
         open.clear();
@@ -279,27 +292,11 @@ impl World {
                 occlusion[index] == Occlusion::Opaque
             });
         }
-        PacketBounds::of_groups(packet_bounds, &rays.rays, open);
-        self.for_candidate_rays(
-            (rays, local),
-            packet_bounds,
-            time,
-            |number| self.root.instances[number as usize].casts_shadow,
-            |number, geometry, part| {
-                let (open, occlusion) = (&mut open[part.range.clone()], &mut occlusion[part.range.clone()]);
-                if self.may_let_light_through(number) {
-                    geometry.occlusion_batch(part, open, |ray, primitive| {
-                        let opaque = self.is_opaque(number, primitive);
-                        if !opaque {
-                            occlusion[ray] = Occlusion::Clear;
-                        }
-                        opaque
-                    });
-                } else {
-                    geometry.occluded_batch(part, open, || last.slot_in(number));
-                }
-            },
-        );
+        buffers.bound_groups(self, &rays.rays, open);
+        let mut query = Blockers { open, occlusion, ends, last };
+        self.meet_instances(rays, times, &mut query, buffers, |number| {
+            self.root.instances[number as usize].casts_shadow
+        });
         for (open, occlusion) in open.iter().zip(occlusion) {
             if *open == f32::NEG_INFINITY {
                 *occlusion = Occlusion::Opaque;
@@ -307,35 +304,47 @@ impl World {
         }
     }
 
-    /// Calls `f` for each instance for which `counts` returns true, and each run of groups of rays that may hit it. `f`
-    /// gets the instance's number, its geometry and the rays in its space. The parameter t keeps its meaning, since
-    /// directions aren't normalised.
-    fn for_candidate_rays(
+    /// Tests the root's instances for which `counts` returns true with the rays of a batch.
+    fn meet_instances(
         &self,
-        (rays, local): (&mut Rays, &mut Rays),
-        packet_bounds: &[PacketBounds],
-        time: f32,
+        rays: &mut Rays,
+        times: &[f32],
+        query: &mut impl BatchQuery,
+        buffers: &mut InstanceBuffers,
         counts: impl Fn(u32) -> bool,
-        mut f: impl FnMut(u32, &Geometry, RayRange),
     ) {
+        if self.is_small() {
+            self.meet_few_instances(rays, times, query, buffers, counts);
+        } else {
+            self.meet_many_instances(BatchRays { rays: &rays.rays, times }, query, buffers, counts);
+        }
+    }
+
+    /// Tests each instance with each run of groups of rays that may hit it.
+    fn meet_few_instances(
+        &self,
+        rays: &mut Rays,
+        times: &[f32],
+        query: &mut impl BatchQuery,
+        buffers: &mut InstanceBuffers,
+        counts: impl Fn(u32) -> bool,
+    ) {
+        let InstanceBuffers { local, packet_bounds, .. } = buffers;
         for (number, (instance, bounds)) in (0..).zip(self.root.instances.iter().zip(&self.instance_bounds)) {
             if !counts(number) {
                 continue;
             }
-            local.clear();
+            let may_be_clear = self.may_let_light_through(number);
+            let target = Target { world: self, instance, number, admitted: None, may_be_clear };
             for_candidate_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
                     let groups = range.start / GROUP..range.end.div_ceil(GROUP);
-                    RayRange { all: rays, range, packet_bounds: &packet_bounds[groups] }
+                    RayRange { all: rays, range: range.clone(), packet_bounds: &packet_bounds[groups] }
                 } else {
-                    if local.rays.is_empty()
-                        && let Some(to_world) = instance.placed(&self.chains, time)
-                    {
-                        local.rays.extend(rays.rays.iter().map(|r| DRay::from(r).to_local(&to_world).rounded()));
-                    }
-                    RayRange { all: local, range, packet_bounds: &[] }
+                    BatchRays { rays: &rays.rays, times }.transform(self, instance, range.clone(), local);
+                    local.all()
                 };
-                f(number, &self.geometries[instance.geometry as usize], part);
+                query.meet(&target, part, range);
             });
         }
     }
@@ -348,7 +357,7 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] for many rays. `found` holds the `t_max` of each ray and takes the results.
-    fn intersect_batch(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
+    pub(super) fn intersect_batch(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
         match self {
             _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
             Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::intersect(shapes, &part, found),
@@ -367,7 +376,7 @@ impl Geometry {
 
     /// Sets `t_max` to −∞ for each ray that hits something at or before it. `last` returns the slot of the last
     /// occluder, or [`NONE`].
-    fn occluded_batch<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
+    pub(super) fn occluded_batch<'a>(&self, mut part: RayRange, t_max: &mut [f32], last: impl FnOnce() -> &'a mut u32) {
         if self.has_packets_of(part.rays()) {
             self.occluded_coherent(part.rays(), t_max);
         } else if self.is_few() {
@@ -386,7 +395,12 @@ impl Geometry {
 
     /// Sets `t_max` to −∞ for each ray that hits a primitive at or before it for which `blocks` returns true. `blocks`
     /// gets the ray's index and the primitive.
-    fn occlusion_batch(&self, mut part: RayRange, t_max: &mut [f32], mut blocks: impl FnMut(usize, u32) -> bool) {
+    pub(super) fn occlusion_batch(
+        &self,
+        mut part: RayRange,
+        t_max: &mut [f32],
+        mut blocks: impl FnMut(usize, u32) -> bool,
+    ) {
         match self {
             Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, &part, t_max, blocks),
             _ if self.is_few() => end(part.rays(), t_max, |index, ray, t_max| {

@@ -282,8 +282,24 @@ impl<'a> InstancePath<'a> {
 
     /// A ray of the world in the group's space.
     pub(super) fn group_ray(&self, ray: &Ray) -> GroupRay {
-        GroupRay::new(ray, &self.inwards, self.group.cull_margin).unwrap_or_else(GroupRay::everywhere)
+        let inflated = self
+            .inflated(ray)
+            .map(|WideRay { ray, margin, t_scale }| GroupRay { ray: InflatedRay::new(&ray, margin), t_scale });
+        inflated.unwrap_or_else(GroupRay::everywhere)
     }
+
+    /// A ray of the world in the group's space. `None` if `f32` can't represent it well enough.
+    pub(super) fn inflated(&self, ray: &Ray) -> Option<WideRay> {
+        WideRay::new(ray, &self.inwards, self.group.cull_margin)
+    }
+}
+
+/// A ray of the world in a group's space, with the margin by which it misses no box that it should enter.
+pub(super) struct WideRay {
+    pub(super) ray: Ray,
+    pub(super) margin: f32,
+    /// As in [`GroupRay`].
+    pub(super) t_scale: f64,
 }
 
 /// A ray of the world in a group's space, for culling.
@@ -295,9 +311,8 @@ pub(super) struct GroupRay {
     t_scale: f64,
 }
 
-impl GroupRay {
-    /// `None` if `f32` can't represent the ray well enough.
-    fn new(ray: &Ray, inwards: &DAffine3, cull_margin: CullMargin) -> Option<GroupRay> {
+impl WideRay {
+    fn new(ray: &Ray, inwards: &DAffine3, cull_margin: CullMargin) -> Option<WideRay> {
         let far = ray.origin.as_dvec3();
         let (origin, direction) = (inwards.transform_point3(far), inwards.matrix3 * ray.direction.as_dvec3());
         // The next lower power of two.
@@ -307,12 +322,21 @@ impl GroupRay {
         let margin = SHARE * (cull_margin.stretch * origin.length() + cull_margin.reach)
             + FINE_SHARE * cull_margin.stretch * (terms + inwards.translation.abs()).length();
         let known = origin.is_finite() && (1e-200..=1e200).contains(&t_scale) && margin <= 1e30;
-        known.then(|| GroupRay {
-            ray: InflatedRay::new(&Ray::new(origin.as_vec3(), (direction * (1.0 / t_scale)).as_vec3()), margin as f32),
+        known.then(|| WideRay {
+            ray: Ray::new(origin.as_vec3(), (direction * (1.0 / t_scale)).as_vec3()),
+            margin: margin as f32,
             t_scale,
         })
     }
+}
 
+/// The t of a ray in a group's space for a t of the world's ray. It is greater than 0 if that is; −∞ stays −∞.
+#[inline]
+pub(super) fn t_in_group(t: f32, t_scale: f64) -> f32 {
+    if t > 0.0 { ((f64::from(t) * t_scale) as f32).max(f32::MIN_POSITIVE) } else { f32::NEG_INFINITY }
+}
+
+impl GroupRay {
     /// A ray that enters all boxes of a group.
     fn everywhere() -> GroupRay {
         let ray = Ray::new(glam::Vec3::ZERO, glam::Vec3::ONE);
@@ -322,7 +346,7 @@ impl GroupRay {
     /// This ray's t for a t of the world's ray; greater than 0.
     #[inline]
     fn at(&self, t: f32) -> f32 {
-        ((f64::from(t) * self.t_scale) as f32).max(f32::MIN_POSITIVE)
+        t_in_group(t, self.t_scale)
     }
 }
 

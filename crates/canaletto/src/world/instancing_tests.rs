@@ -194,13 +194,57 @@ fn whole_prototypes_are_met_as_dissolved_ones() {
             bundle.clear();
             bundle.push(*ray, f32::INFINITY);
             bundle.push(*ray, t.next_down());
-            whole.intersect_batch(&mut bundle, time);
+            bundle.set_times([time, time]);
+            whole.intersect_batch(&mut bundle);
             assert_eq!(bundle.hit(0), expected);
             hits += usize::from(expected.is_some());
             far += usize::from(expected.is_some_and(|hit| hit.t * ray.direction.abs().max_element() > 1e4));
         }
     }
     assert!(hits > 8000 && nested > 15 && far > 2000, "{hits} {nested} {far}");
+}
+
+#[test]
+fn rays_together_meet_whole_prototypes_as_alone() {
+    let random = &mut Random(73);
+    let mut found = [0; 4];
+    for round in 0..16 {
+        let scene = scene(random, round % 4 == 3);
+        let [whole, flat] = [WHOLE, DISSOLVED].map(|instancing| built(&scene, instancing));
+        assert!(!whole.is_small());
+        let (mut bundle, mut last) = (RayBundle::default(), OccluderCache::NONE);
+        for n in 0..120 {
+            // Rays side by side, rays with one origin, or any rays; some with an end.
+            let first = ray_at(&flat, random);
+            let spread = first.direction.abs().max_element() * [0.0, 1e-4, 0.1][n % 3];
+            let rays: Vec<(Ray, f32, f32)> = (0..[3, 20, 150][n / 3 % 3])
+                .map(|index| {
+                    let ray = match n % 4 {
+                        3 => ray_at(&flat, random),
+                        2 => Ray::new(first.origin + random.vector() * 0.1, first.direction + random.vector() * spread),
+                        _ => Ray::new(first.origin, first.direction + random.vector() * spread),
+                    };
+                    let t = flat.intersect_at(&ray, f32::INFINITY, 0.4).map_or(1.0, |hit| hit.t);
+                    let t_max = [f32::INFINITY, t, t.next_down(), f32::INFINITY][(n + index) % 4];
+                    (ray, t_max, [0.4, 0.0, 0.4, 0.9][index % 4])
+                })
+                .collect();
+            bundle.clear();
+            rays.iter().for_each(|(ray, t_max, _)| bundle.push(*ray, *t_max));
+            bundle.set_times(rays.iter().map(|(.., time)| *time));
+            whole.intersect_batch(&mut bundle);
+            whole.occlusion_batch(&mut bundle, &mut last);
+            for (index, (ray, t_max, time)) in rays.iter().enumerate() {
+                let expected = flat.intersect_at(ray, *t_max, *time);
+                assert_eq!(bundle.hit(index), expected, "{round} {n} {index} {ray:?}");
+                let between = flat.occlusion(ray, *t_max, *time, &mut OccluderCache::NONE.clone());
+                assert_eq!(bundle.occlusion(index), between, "{round} {n} {index} {ray:?} {t_max}");
+                found[between as usize] += 1;
+                found[3] += usize::from(expected.is_some());
+            }
+        }
+    }
+    assert!(found.iter().all(|&n| n > 500), "{found:?}");
 }
 
 #[test]

@@ -2,9 +2,11 @@
 //! hierarchies, or more where prototypes are kept as groups. A world is built once, then immutable. Building is the
 //! last step that can fail.
 
+mod batch_query;
 mod body;
 mod build;
 mod bundle;
+mod bundle_tree;
 mod contact;
 mod displacement;
 mod edges;
@@ -134,6 +136,8 @@ pub struct World {
     unbounded: Vec<Unbounded>,
     /// For each of the root's instances, whether it may let light through. Empty if no material does.
     clear_instances: Vec<bool>,
+    /// For each geometry, whether any material on it may let light through.
+    clear_geometries: Vec<bool>,
     /// Whether any material may let light through.
     has_clear: bool,
     /// Whether any material may emit light.

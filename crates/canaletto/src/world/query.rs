@@ -46,7 +46,7 @@ impl Hit {
     /// The hit on an instance, if it is nearer than this one. Ties go to the lowest instance, then to the lowest
     /// primitive.
     #[inline]
-    fn nearer(&self, instance: u32, PrimitiveHit { t, id, part, uv }: PrimitiveHit) -> Option<Hit> {
+    pub(super) fn nearer(&self, instance: u32, PrimitiveHit { t, id, part, uv }: PrimitiveHit) -> Option<Hit> {
         let nearer = id != PrimitiveHit::NONE && (t, instance, id) < (self.t, self.instance, self.primitive);
         nearer.then_some(Hit { t, instance, primitive: id, part, uv, time: self.time })
     }
@@ -73,28 +73,29 @@ impl World {
     /// [`World::intersect`] at a time in 0..=1, from the shutter's opening to its closing.
     #[inline]
     pub fn intersect_at(&self, ray: &Ray, t_max: f32, time: f32) -> Option<Hit> {
-        self.nearest(ray, t_max, time, |world, ray, mut best| {
-            let root = &world.root;
-            root.tree.intersect(ray, best.t, |leaf, t_max| {
-                for slot in leaf.slots() {
-                    if ray.enters(&root.slot_bounds[slot as usize], best.t) {
-                        let index = root.tree.order()[slot as usize];
-                        let instance = &root.instances[index as usize];
-                        if instance.group == NONE {
-                            world.try_instance(ray, instance, root.first(index), &mut best, Geometry::intersect);
-                        } else {
-                            world.try_group(
-                                ray,
-                                &InstancePath::to(instance, root.first(index), None, &world.groups),
-                                &mut best,
-                            );
-                        }
+        self.nearest(ray, t_max, time, World::nearest_instance)
+    }
+
+    /// The nearest hit on an instance, if that is nearer than `best`.
+    #[inline]
+    pub(super) fn nearest_instance(&self, ray: &PreparedRay, mut best: Hit) -> Hit {
+        let root = &self.root;
+        root.tree.intersect(ray, best.t, |leaf, t_max| {
+            for slot in leaf.slots() {
+                if ray.enters(&root.slot_bounds[slot as usize], best.t) {
+                    let index = root.tree.order()[slot as usize];
+                    let instance = &root.instances[index as usize];
+                    if instance.group == NONE {
+                        self.try_instance(ray, instance, root.first(index), &mut best, Geometry::intersect);
+                    } else {
+                        let way = InstancePath::to(instance, root.first(index), None, &self.groups);
+                        self.try_group(ray, &way, &mut best);
                     }
                 }
-                *t_max = best.t;
-            });
-            best
-        })
+            }
+            *t_max = best.t;
+        });
+        best
     }
 
     /// [`World::intersect`] without hierarchies: the reference for tests.
@@ -139,7 +140,7 @@ impl World {
 
     /// Tests the instances of a group, each in its place in the world.
     #[inline(never)]
-    fn try_group(&self, ray: &PreparedRay, way: &InstancePath, best: &mut Hit) {
+    pub(super) fn try_group(&self, ray: &PreparedRay, way: &InstancePath, best: &mut Hit) {
         way.group.intersect(&way.group_ray(ray.ray()), best.t, |index| {
             let (instance, number) = (&way.group.instances[index as usize], way.number(index));
             if instance.group != NONE {
@@ -285,6 +286,12 @@ impl World {
         for moving in &self.moving_lights {
             lights[moving.index as usize] = moving.at(time, &self.light_meshes);
         }
+    }
+
+    /// A function that returns a light at a time in 0..=1, if the light moves. `light` is its index.
+    pub(crate) fn moving_light(&self, light: u32) -> Option<impl Fn(f32) -> PreparedLight> {
+        let moving = self.moving_lights.iter().find(|moving| moving.index == light)?;
+        Some(|time| moving.at(time, &self.light_meshes))
     }
 
     /// Whether any light moves while the shutter is open.

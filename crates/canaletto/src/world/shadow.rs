@@ -47,6 +47,16 @@ pub enum Occlusion {
     Opaque,
 }
 
+impl Occlusion {
+    fn of(blocked: bool, clear: bool) -> Occlusion {
+        match (blocked, clear) {
+            (true, _) => Occlusion::Opaque,
+            (false, true) => Occlusion::Clear,
+            (false, false) => Occlusion::Nothing,
+        }
+    }
+}
+
 /// A shadow ray that crosses clear surfaces.
 #[derive(Debug)]
 struct ShadowRay {
@@ -136,7 +146,6 @@ impl World {
     pub(crate) fn transmittance_batch(
         &self,
         shadow_rays: &mut ShadowRays,
-        time: f32,
         differential: impl Fn(usize) -> Option<RayDifferential>,
     ) {
         let ShadowRays { bundle, active, all } = shadow_rays;
@@ -148,7 +157,7 @@ impl World {
             if bundle.is_empty() {
                 break;
             }
-            self.intersect_clear_batch(bundle, time);
+            self.intersect_clear_batch(bundle);
             let mut left = 0;
             bundle.retain(|index, ray, t_max, hit| {
                 let number = active[index];
@@ -234,18 +243,23 @@ impl World {
     }
 
     /// [`World::intersect_clear`] for a batch of rays.
-    fn intersect_clear_batch(&self, bundle: &mut RayBundle, time: f32) {
-        self.intersect_bundle_with(
-            bundle,
-            time,
-            |ray, t_max| self.intersect_clear(ray, t_max, time),
-            |number| self.root.instances[number as usize].casts_shadow && self.may_let_light_through(number),
-        );
+    fn intersect_clear_batch(&self, bundle: &mut RayBundle) {
+        self.intersect_bundle_with(bundle, |number| {
+            !self.is_small() || self.root.instances[number as usize].casts_shadow && self.may_let_light_through(number)
+        });
     }
 
-    /// Whether any part of an instance may be clear, where instances are few.
-    pub(super) fn may_let_light_through(&self, instance: u32) -> bool {
-        self.clear_instances.get(instance as usize) == Some(&true)
+    /// Whether any part of the root's instance at this index may be clear.
+    pub(super) fn may_let_light_through(&self, index: u32) -> bool {
+        self.clear_instances.get(index as usize) == Some(&true)
+    }
+
+    /// Whether any part of a group's member may be clear. It is placed in the world.
+    pub(super) fn member_may_let_light_through(&self, member: &Instance) -> bool {
+        match member.material {
+            NONE => self.clear_geometries[member.geometry as usize],
+            material => !self.materials[material as usize].is_opaque(),
+        }
     }
 
     /// A smaller share of a light counts as zero.
@@ -270,30 +284,52 @@ impl World {
         }
         let unbounded = self.occlusion_unbounded(ray, t_max);
         let mut clear = unbounded == Occlusion::Clear;
-        let blocked = unbounded == Occlusion::Opaque || {
-            let mut block = |instance: &Instance, number: u32| {
-                if !instance.casts_shadow {
-                    return false;
-                }
-                let geometry = &self.geometries[instance.geometry as usize];
-                let slot = instance.with_local_ray(prepared, &self.chains, time, |ray| {
-                    geometry.occluded(ray, t_max, |primitive| {
-                        let opaque = !self.has_clear || self.material_at(instance, primitive).is_opaque();
-                        clear |= !opaque;
-                        opaque
-                    })
-                });
-                if let Some(slot) = slot {
-                    *last = OccluderCache { instance: number, slot };
-                }
-                slot.is_some()
-            };
-            self.any_instance(prepared, t_max, &mut block)
-        };
-        match (blocked, clear) {
-            (true, _) => Occlusion::Opaque,
-            (false, true) => Occlusion::Clear,
-            (false, false) => Occlusion::Nothing,
+        let blocked = unbounded == Occlusion::Opaque
+            || self.any_instance(prepared, t_max, &mut self.blocker(prepared, t_max, time, last, &mut clear));
+        Occlusion::of(blocked, clear)
+    }
+
+    /// The occlusion of a ray before `t_max` by the instances of a group.
+    pub(super) fn occlusion_by_group(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        time: f32,
+        way: &InstancePath,
+        last: &mut OccluderCache,
+    ) -> Occlusion {
+        let (prepared, mut clear) = (&ray.prepare(), false);
+        let blocked =
+            self.blocked_by_group(prepared, t_max, way, &mut self.blocker(prepared, t_max, time, last, &mut clear));
+        Occlusion::of(blocked, clear)
+    }
+
+    /// A function that tells whether an instance with a number blocks a ray. It sets `clear` where the ray meets a
+    /// clear surface.
+    fn blocker<'a>(
+        &'a self,
+        ray: &'a PreparedRay,
+        t_max: f32,
+        time: f32,
+        last: &'a mut OccluderCache,
+        clear: &'a mut bool,
+    ) -> impl FnMut(&Instance, u32) -> bool {
+        move |instance, number| {
+            if !instance.casts_shadow {
+                return false;
+            }
+            let geometry = &self.geometries[instance.geometry as usize];
+            let slot = instance.with_local_ray(ray, &self.chains, time, |ray| {
+                geometry.occluded(ray, t_max, |primitive| {
+                    let opaque = !self.has_clear || self.material_at(instance, primitive).is_opaque();
+                    *clear |= !opaque;
+                    opaque
+                })
+            });
+            if let Some(slot) = slot {
+                *last = OccluderCache { instance: number, slot };
+            }
+            slot.is_some()
         }
     }
 

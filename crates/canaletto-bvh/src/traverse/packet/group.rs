@@ -39,14 +39,14 @@ pub(super) type Corners = [[Row<f32>; 3]; 3];
 
 /// The intervals of the origins and reciprocals of some rays along one axis.
 #[derive(Clone, Copy)]
-pub(super) struct Interval {
-    pub(super) origin: [f32; 2],
-    pub(super) reciprocal: [f32; 2],
+pub(in crate::traverse) struct Interval {
+    pub(in crate::traverse) origin: [f32; 2],
+    pub(in crate::traverse) reciprocal: [f32; 2],
 }
 
 impl Interval {
     /// The interval of no rays.
-    pub(super) const NONE: Self =
+    pub(in crate::traverse) const NONE: Self =
         Self { origin: [f32::INFINITY, f32::NEG_INFINITY], reciprocal: [f32::INFINITY, f32::NEG_INFINITY] };
 }
 

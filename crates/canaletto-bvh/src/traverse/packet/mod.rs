@@ -32,7 +32,8 @@ use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, Ray};
 pub(crate) use coherent::{PacketQuery, coherent};
 use glam::Vec3;
-use group::{Corners, Ends, Interval, NOTHING, RayGroup};
+pub(in crate::traverse) use group::Interval;
+use group::{Corners, Ends, NOTHING, RayGroup};
 use triangle_test::{TestMasks, TestParams, TriangleRef};
 use walk::{GROUPS, PacketWalk};
 

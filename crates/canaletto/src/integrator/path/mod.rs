@@ -145,7 +145,7 @@ pub(crate) struct PathTracer<'w> {
     rays_until_poll: u32,
     /// The source of random numbers.
     sample: Sample,
-    /// The time of the sample, from 0 (the shutter opens) to 1 (it closes).
+    /// The time of the current sample or path, from 0 (the shutter opens) to 1 (it closes).
     time: f32,
     /// The world's lights at that time; empty if no light moves.
     moved_lights: Vec<PreparedLight>,
@@ -166,7 +166,15 @@ impl PathTracer<'_> {
         }
     }
 
-    /// The light at the time of the sample.
+    /// Goes to a time from 0 (the shutter opens) to 1 (it closes).
+    fn set_time(&mut self, time: f32) {
+        if time != self.time {
+            self.time = time;
+            self.world.move_lights(&mut self.moved_lights, time);
+        }
+    }
+
+    /// The light at the current time.
     fn light(&self, number: u32) -> &PreparedLight {
         self.moved_lights.get(number as usize).unwrap_or(&self.world.lights[number as usize])
     }
@@ -181,10 +189,7 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
 
     fn begin(&mut self, sample: Sample, time: f32) {
         self.sample = sample;
-        if time != self.time {
-            self.time = time;
-            self.world.move_lights(&mut self.moved_lights, time);
-        }
+        self.set_time(time);
     }
 
     fn eye<P: Probe>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
@@ -195,10 +200,12 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
         &mut self,
         lines: &[DRay],
         samples: &[Sample],
+        times: &[f32],
         differentials: impl IntoIterator<Item = RayDifferential>,
     ) {
         let mut differentials = differentials.into_iter();
-        for (line, sample) in lines.iter().zip(samples) {
+        for (index, (line, sample)) in lines.iter().zip(samples).enumerate() {
+            self.set_time(times.get(index).copied().unwrap_or(0.0));
             self.push_path(*line, differentials.next(), *sample);
         }
     }

@@ -65,11 +65,15 @@ impl PathTracer<'_> {
             self.poll(active.len() as u32);
             bundle.clear();
             active.iter().for_each(|&number| bundle.push(*paths[number as usize].ray(), f32::INFINITY));
-            self.world.intersect_batch(bundle, self.time);
+            if self.world.moves() {
+                bundle.set_times(active.iter().map(|&number| paths[number as usize].time));
+            }
+            self.world.intersect_batch(bundle);
             shadows.clear();
             let mut left = 0;
             for index in 0..active.len() {
                 let number = active[index];
+                self.set_time(paths[number as usize].time);
                 let step = self.arrive(&mut paths[number as usize], bundle.hit(index), &mut ());
                 shadows.extend(step.shadow.map(|(ray, throughput)| PathShadow { path: number, ray, throughput }));
                 active[left] = number;
@@ -88,6 +92,7 @@ impl PathTracer<'_> {
     fn trace_shadows(&mut self, shadows: &mut [PathShadow], bundle: &mut RayBundle, paths: &mut [Path]) {
         if self.sees_through {
             for PathShadow { path, ray, throughput } in shadows {
+                self.set_time(paths[*path as usize].time);
                 let light = (ray.light * self.visible(ray)).saturated();
                 paths[*path as usize].light += (*throughput * light).saturated();
             }
@@ -100,12 +105,16 @@ impl PathTracer<'_> {
             let is_light = is_light(&group[0]);
             bundle.clear();
             group.iter().for_each(|shadow| bundle.push(shadow.ray.ray, shadow.ray.t_max));
+            if self.world.moves() {
+                bundle.set_times(group.iter().map(|shadow| paths[shadow.path as usize].time));
+            }
             if is_light {
-                self.world.occlusion_batch(bundle, self.time, &mut self.occluder);
+                self.world.occlusion_batch(bundle, &mut self.occluder);
             } else {
-                self.world.intersect_batch(bundle, self.time);
+                self.world.intersect_batch(bundle);
             }
             for (index, PathShadow { path, ray, throughput }) in group.iter().enumerate() {
+                self.set_time(paths[*path as usize].time);
                 let visible = match is_light {
                     true => self.visible_past(ray, bundle.occlusion(index)),
                     false => self.visible_at(ray, bundle.hit(index)),

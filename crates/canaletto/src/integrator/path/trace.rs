@@ -82,6 +82,8 @@ pub(super) struct Path {
     /// The ray that it goes along next.
     segment: Segment,
     sample: Sample,
+    /// The time of its rays.
+    pub(super) time: f32,
     /// The place of its numbers at the last surface.
     place: Dimension,
     /// The light that it has found.
@@ -309,8 +311,17 @@ impl PathTracer<'_> {
             passed: false,
             kind: Kind::Eye,
         };
-        let place = Dimension::EYE.of(uses::PATH);
-        Path { segment, sample, place, light: Rgb::BLACK, throughput: Rgb::WHITE, depth: 1, passed: 0, channel: None }
+        Path {
+            segment,
+            sample,
+            time: self.time,
+            place: Dimension::EYE.of(uses::PATH),
+            light: Rgb::BLACK,
+            throughput: Rgb::WHITE,
+            depth: 1,
+            passed: 0,
+            channel: None,
+        }
     }
 
     /// Takes a path to the first visible surface of its ray, and on from there. `found` is the ray's first hit.

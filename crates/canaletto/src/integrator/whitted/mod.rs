@@ -50,7 +50,7 @@ pub struct Whitted<'w> {
     occluders: Vec<OccluderCache>,
     /// The source of random numbers.
     sample: Sample,
-    /// The time of the sample, from 0 (the shutter opens) to 1 (it closes).
+    /// The time of the sample, from 0 (the shutter opens) to 1 (it closes). The rays of waves have times of their own.
     time: f32,
     /// The world's lights at that time; empty if no light moves.
     lights: Vec<PreparedLight>,
@@ -146,7 +146,7 @@ impl<'w> Whitted<'w> {
         let frame = &at.frame;
         let mut term = solution.emitters_at(&EmitterReceiver {
             world: self.world,
-            time: self.time,
+            time: at.hit.time,
             point: frame.exact,
             normal: frame.normal,
             facing: frame.facing,

@@ -190,7 +190,7 @@ fn waves_equal_single_rays_bit_for_bit() {
                 })
                 .collect();
             let lines: Vec<DRay> = (0..500).map(line).collect();
-            wave.push_camera_rays(&lines, &samples, []);
+            wave.push_camera_rays(&lines, &samples, &[], []);
             let together = wave.trace_pending().to_vec();
             for (i, (a, b)) in one_by_one.iter().zip(&together).enumerate() {
                 assert_eq!(

@@ -11,7 +11,7 @@ use crate::material::highlights;
 use crate::math::RayDifferential;
 use crate::scene::Stage;
 use crate::shape::vec3;
-use crate::world::Occlusion;
+use crate::world::{Occlusion, World};
 
 /// Buffers for the lighting of one wave.
 #[derive(Default)]
@@ -20,6 +20,8 @@ pub(super) struct Lighting {
     light_samples: Vec<LightSamples8>,
     /// The arriving light, if the light point differs between interactions.
     arriving: Vec<Illumination>,
+    /// The current light at the time of each interaction, if it moves.
+    moved: Vec<PreparedLight>,
     /// The interactions of shadow rays that cross clear surfaces.
     crossing: Vec<u32>,
     /// Interactions with a highlight, with the bases and exponents of their powers.
@@ -31,10 +33,10 @@ pub(super) struct Lighting {
 impl Lighting {
     /// Finds the directions to a light's point, and the light along them before shadows.
     fn sample(&mut self, source: &PreparedLight, (light, point): (u32, u32), wave: &Wave) {
-        let Lighting { light_samples, arriving, .. } = self;
+        let Lighting { light_samples, arriving, moved, .. } = self;
         let (interactions, interactions8) = (&wave.interactions, wave.interactions.interactions8());
         arriving.clear();
-        if let Some(position) = source.point(point) {
+        if let Some(position) = source.point(point).filter(|_| moved.is_empty()) {
             LightSamples8::point(light_samples, interactions8, position);
             match source.constant_intensity() {
                 Some(intensity) => light_samples.iter_mut().for_each(|samples8| samples8.set_intensities(intensity)),
@@ -48,6 +50,7 @@ impl Lighting {
         } else {
             arriving.extend(interactions.each().iter().enumerate().map(|(index, interaction)| {
                 let exact = interactions8[index / LANES].exact(index % LANES);
+                let source = moved.get(index).unwrap_or(source);
                 if source.is_sampled() {
                     let (batch, ray_index) = (&wave.batch, interaction.ray_index());
                     let place = batch.path_state(ray_index).place.of(uses::LIGHTS + light);
@@ -67,6 +70,22 @@ impl Lighting {
                     samples8.mask_out(lane);
                 }
             }
+        }
+    }
+
+    /// Finds a light at the time of each interaction, if it moves.
+    fn move_light(&mut self, world: &World, light: u32, wave: &Wave) {
+        self.moved.clear();
+        let Some(moving) = world.moving_light(light) else { return };
+        let mut last = None;
+        for interaction in wave.interactions.each() {
+            let time = interaction.hit.time;
+            let moved = match self.moved.last() {
+                Some(moved) if last == Some(time) => moved.clone(),
+                _ => moving(time),
+            };
+            self.moved.push(moved);
+            last = Some(time);
         }
     }
 
@@ -115,12 +134,13 @@ impl Whitted<'_> {
         }
         let rays = wave.interactions.len() as u32;
         'lights: for light in 0..self.light_count() {
+            lighting.move_light(self.world, light, wave);
             for point in 0..self.world.lights[light as usize].points() {
                 self.poll(rays);
                 if self.is_cancelled {
                     break 'lights;
                 }
-                lighting.sample(self.source(light), (light, point), wave);
+                lighting.sample(&self.world.lights[light as usize], (light, point), wave);
                 self.shadow_wave(&mut lighting, light, wave);
                 let interactions8 = wave.interactions.both().1;
                 if self.settings.stage >= Stage::Specular {
@@ -160,7 +180,14 @@ impl Whitted<'_> {
         for (samples8, interactions8) in light_samples.iter().zip(wave.interactions.interactions8()) {
             self.waves.bundle.push_some(samples8.lit, &interactions8.start, &samples8.to, &samples8.reach);
         }
-        self.world.occlusion_batch(&mut self.waves.bundle, self.time, &mut self.occluders[light as usize]);
+        if self.world.moves() {
+            let each = wave.interactions.each();
+            let lit = light_samples.iter().enumerate().flat_map(|(number, samples8)| {
+                lanes(samples8.lit).map(move |lane| each[number * LANES + lane].hit.time)
+            });
+            self.waves.bundle.set_times(lit);
+        }
+        self.world.occlusion_batch(&mut self.waves.bundle, &mut self.occluders[light as usize]);
         self.counts.shadow.traced += self.waves.bundle.len() as u64;
         crossing.clear();
         self.waves.shadow_rays.bundle.clear();
@@ -180,7 +207,11 @@ impl Whitted<'_> {
                 shadow += 1;
             }
         }
-        self.world.transmittance_batch(&mut self.waves.shadow_rays, self.time, |number| {
+        if self.world.moves() {
+            let time = |&interaction: &u32| wave.interactions.each()[interaction as usize].hit.time;
+            self.waves.shadow_rays.bundle.set_times(crossing.iter().map(time));
+        }
+        self.world.transmittance_batch(&mut self.waves.shadow_rays, |number| {
             let interaction = crossing[number] as usize;
             shadow_differential(wave, &light_samples[interaction / LANES], interaction)
         });

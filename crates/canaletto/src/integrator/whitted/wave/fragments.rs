@@ -103,7 +103,7 @@ impl FragmentWave<'_, '_> {
         let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
         let FragmentWave { whitted, wave, surface_inputs } = self;
         let index = wave.batch.len();
-        wave.batch.push_camera_rays(&[*line], &[*sample], *differential);
+        wave.batch.push_camera_rays(&[*line], &[*sample], &[], *differential);
         let material = whitted.world.material(hit);
         let (interactions8, lane) = wave.interactions.next();
         surface_inputs.set_line(lane, line);

@@ -12,13 +12,14 @@ impl Whitted<'_> {
     /// colour.
     pub(super) fn intersect_wave(&mut self, wave: &mut Wave) {
         let Wave { batch, colors, interactions, footprints, .. } = wave;
-        let (world, time) = (self.world, self.time);
+        let world = self.world;
         colors.clear();
         colors.resize(batch.len(), world.background);
         interactions.clear();
         footprints.clear();
         self.waves.bundle.set(&batch.rays, f32::INFINITY);
-        world.intersect_batch(&mut self.waves.bundle, time);
+        self.waves.bundle.set_times(batch.times.iter().copied());
+        world.intersect_batch(&mut self.waves.bundle);
         let surface_inputs = &mut self.waves.surface_inputs;
         let has_clear = world.has_clear();
         for (index, color) in colors.iter_mut().enumerate() {
@@ -46,7 +47,7 @@ impl Whitted<'_> {
                 continue;
             }
             let ray = (batch.lines[index], batch.rays[index], found, differential);
-            let Some(visible_hit) = visible_hit(world, &mut self.media, ray, start, time, &mut ()) else {
+            let Some(visible_hit) = visible_hit(world, &mut self.media, ray, start, batch.time(index), &mut ()) else {
                 if world.environment.is_some() {
                     *color = background(world, batch.lines[index].direction, differential, &mut ());
                 }

@@ -133,10 +133,11 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         &mut self,
         lines: &[DRay],
         samples: &[Sample],
+        times: &[f32],
         differentials: impl IntoIterator<Item = RayDifferential>,
     ) {
         self.poll(lines.len() as u32);
-        self.waves.pending.batch.push_camera_rays(lines, samples, differentials);
+        self.waves.pending.batch.push_camera_rays(lines, samples, times, differentials);
     }
 
     #[inline]
@@ -150,10 +151,10 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         }
         let mut wave = std::mem::take(&mut self.waves.pending);
         if self.world.has_clear() {
-            let Whitted { world, time, media, .. } = self;
+            let Whitted { world, media, .. } = self;
             let depth = self.settings.max_depth;
             media.clear();
-            wave.batch.set_around(|line| media.around_eye(world, line.origin, *time, depth));
+            wave.batch.set_around(|line, time| media.around_eye(world, line.origin, time, depth));
         }
         self.trace_wave(&mut wave);
         wave.batch.clear();
@@ -251,11 +252,15 @@ impl Whitted<'_> {
     ) {
         let mut children = self.waves.wave();
         let mark = self.media.mark();
+        let moves = self.world.moves();
         for index in 0..wave.interactions.len() {
             if has_child(&wave.interactions.each()[index].material)
                 && let Some(ray) = child(self, &wave.at(index))
             {
                 children.batch.push(ray);
+                if moves {
+                    children.batch.times.push(wave.interactions.each()[index].hit.time);
+                }
                 children.parents.push(index as u32);
             }
         }

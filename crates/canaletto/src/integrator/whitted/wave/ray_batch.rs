@@ -12,6 +12,8 @@ use canaletto_bvh::Ray;
 pub(super) struct RayBatch {
     pub(super) rays: Vec<Ray>,
     pub(super) lines: Vec<DRay>,
+    /// The time of each ray; empty if nothing moves.
+    pub(super) times: Vec<f32>,
     /// Empty if all rays are camera rays.
     path_states: Vec<PathState>,
     samples: Vec<Sample>,
@@ -23,9 +25,10 @@ pub(super) struct RayBatch {
 
 impl RayBatch {
     pub(super) fn clear(&mut self) {
-        let RayBatch { rays, lines, path_states, samples, differentials, around } = self;
+        let RayBatch { rays, lines, times, path_states, samples, differentials, around } = self;
         rays.clear();
         lines.clear();
+        times.clear();
         path_states.clear();
         samples.clear();
         differentials.clear();
@@ -56,23 +59,32 @@ impl RayBatch {
         &mut self,
         lines: &[DRay],
         samples: &[Sample],
+        times: &[f32],
         differentials: impl IntoIterator<Item = RayDifferential>,
     ) {
         self.rays.extend(lines.iter().map(DRay::rounded));
         self.lines.extend_from_slice(lines);
+        self.times.extend_from_slice(times);
         self.samples.extend_from_slice(samples);
         self.differentials.extend(differentials);
     }
 
-    /// Sets the bodies that each eye is in to the results of `set`.
-    pub(super) fn set_around(&mut self, mut set: impl FnMut(&DRay) -> u32) {
+    /// The time of a ray.
+    #[inline]
+    pub(super) fn time(&self, ray_index: usize) -> f32 {
+        self.times.get(ray_index).copied().unwrap_or(0.0)
+    }
+
+    /// Sets the bodies that each eye is in to the results of `set`, which gets the ray's line and time.
+    pub(super) fn set_around(&mut self, mut set: impl FnMut(&DRay, f32) -> u32) {
         let mut last = None;
         for (index, line) in self.lines.iter().enumerate() {
+            let time = self.time(index);
             let around = match last {
-                Some((origin, around)) if origin == line.origin => around,
-                _ => set(line),
+                Some((eye, around)) if eye == (line.origin, time) => around,
+                _ => set(line, time),
             };
-            last = Some((line.origin, around));
+            last = Some(((line.origin, time), around));
             if around != media::NONE {
                 self.around.resize(index, media::NONE);
                 self.around.push(around);
