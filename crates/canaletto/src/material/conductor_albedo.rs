@@ -5,10 +5,10 @@ use super::reflect;
 use glam::DVec3;
 use std::sync::LazyLock;
 
-/// The rows (roughness) and columns (cosine) of the table.
+/// The rows and columns of the table, by the square roots of α and of the cosine: facets lose most light near grazing.
 const SIDE: usize = 32;
 
-/// The points of the unit square that a value is the mean of.
+/// The facets that a value is the mean of.
 const POINTS: u32 = 512;
 
 type Table = [[f32; SIDE]; SIDE];
@@ -19,8 +19,8 @@ static SEPARABLE: LazyLock<Table> = LazyLock::new(|| table(Masking::Separable));
 fn table(masking: Masking) -> Table {
     std::array::from_fn(|row| {
         std::array::from_fn(|column| {
-            let roughness = place(row);
-            single_scattering_albedo(place(column), &Ggx::isotropic(roughness * roughness, masking)) as f32
+            let [alpha, cos] = [row, column].map(|index| place(index) * place(index));
+            mean_shadowing(cos, &Ggx::isotropic(alpha, masking), POINTS) as f32
         })
     })
 }
@@ -30,25 +30,25 @@ fn place(index: usize) -> f64 {
     (index as f64 / (SIDE - 1) as f64).max(1e-3)
 }
 
-/// The mean of G₂ / G₁ over the microfacets that are seen from a direction.
-fn single_scattering_albedo(cos: f64, ggx: &Ggx) -> f64 {
+/// The mean of G₂ / G₁ over some of the facets that are seen from a direction.
+fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32) -> f64 {
     let wo = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let mut sum = 0.0;
-    for i in 0..POINTS {
+    for i in 0..points {
         // Both halves of the facets are mirror images. Few facets lean far, so that number has the finer steps.
-        let u = [0.5 * (f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(POINTS)];
+        let u = [0.5 * (f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(points)];
         let wi = reflect(wo, ggx.sample_visible(wo, u));
         if wi.z > 0.0 {
             sum += ggx.shadowing(wo, wi);
         }
     }
-    sum / f64::from(POINTS)
+    sum / f64::from(points)
 }
 
 /// E(cos θ, α): the albedo of one scattering by a metal that reflects all light, interpolated in the table.
 pub(super) fn conductor_albedo(cos: f64, alpha: f64, masking: Masking) -> f64 {
-    let [(row, down), (column, right)] = [alpha.sqrt(), cos].map(|value| {
-        let at = value.clamp(0.0, 1.0) * (SIDE - 1) as f64;
+    let [(row, down), (column, right)] = [alpha, cos].map(|value| {
+        let at = value.clamp(0.0, 1.0).sqrt() * (SIDE - 1) as f64;
         let index = (at as usize).min(SIDE - 2);
         (index, at - index as f64)
     });
@@ -70,10 +70,25 @@ mod tests {
         for (alpha, cos, expected) in
             [(1.0f64, 1.0, 1.0 - std::f64::consts::LN_2), (0.5, 1.0, 0.687_849), (0.2, 1.0, 0.947_658)]
         {
-            let ours = single_scattering_albedo(cos, &Ggx::isotropic(alpha, Masking::HeightCorrelated));
+            let ours = mean_shadowing(cos, &Ggx::isotropic(alpha, Masking::HeightCorrelated), POINTS);
             assert!((ours - expected).abs() < 2e-3, "{alpha}: {ours}");
             let looked_up = conductor_albedo(cos, alpha, Masking::HeightCorrelated);
             assert!((looked_up - ours).abs() < 5e-3, "{alpha}: {looked_up}");
+        }
+    }
+
+    /// The table holds the means over many facets, also between its rows and columns.
+    #[test]
+    fn tables_hold_the_means_over_facets() {
+        for masking in [Masking::HeightCorrelated, Masking::Separable] {
+            for alpha in [0.01, 0.04, 0.11, 0.3, 0.5, 0.72, 0.97] {
+                let ggx = Ggx::isotropic(alpha, masking);
+                for degrees in [0.0f64, 20.0, 40.0, 60.0, 70.0, 80.0, 85.0, 88.0] {
+                    let cos = libm::cos(degrees.to_radians());
+                    let (ours, exact) = (conductor_albedo(cos, alpha, masking), mean_shadowing(cos, &ggx, 20_000));
+                    assert!((ours - exact).abs() < 1.5e-3, "{alpha}, {degrees}°: {ours} for {exact}");
+                }
+            }
         }
     }
 

@@ -1,8 +1,8 @@
 //! The light that one scattering by a rough boundary of clear media keeps, and how the rest is given back.
 //!
-//! A table holds the albedos by roughness and angle, for both sides of one boundary. Tables of some indices η are
-//! computed when they are first used; those of other indices are interpolated. Microfacets lose most light near grazing
-//! and near the critical angle, within about α. Many columns lie there, the closer the smaller α is.
+//! A table holds the albedos by index η, roughness and angle, for both sides of a boundary. Its rows, of one η and
+//! roughness, are computed when they are first used. Microfacets lose most light near grazing and near the critical
+//! angle, within about α. Many columns lie there, the closer the smaller α is.
 //!
 //! What is lost is given back by a lobe as in Kulla & Conty, *Revisiting Physically Based Shading at Imageworks*
 //! (2017): a share x of it on the viewer's side, and 1 − x on the other side,
@@ -18,15 +18,15 @@ use super::ggx::{Ggx, Masking, on_circle};
 use glam::{DVec2, DVec3};
 use std::sync::OnceLock;
 
-/// The rows of a table, by roughness √α.
+/// The rows of an index, by roughness √α.
 const ROWS: usize = 28;
 /// The columns on each side of the critical angle.
 const COLUMNS: usize = 28;
 /// The facets that a value is the mean of.
-const POINTS: usize = 377;
-/// The number of tables. They are equally spaced by (η − 1) / (η + 1), of which η = 1.5 has 16 steps.
-const TABLES: usize = 80;
-const _: () = assert!(TABLES.is_multiple_of(5), "η = 1.5 has its own table");
+const POINTS: usize = 1597;
+/// The steps between indices. They are equally spaced by (η − 1) / (η + 1), of which η = 1.5 has 16 steps.
+const INDICES: usize = 80;
+const _: () = assert!(INDICES.is_multiple_of(5), "η = 1.5 has its own rows");
 
 /// The share of light that one scattering keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,19 +43,19 @@ impl Kept {
     }
 }
 
-/// One side of a boundary.
-struct SideTable {
-    /// Kept light, mirrored and refracted: by row, and by column from π/2 over the critical angle to 0. Without a
-    /// critical angle, the first half is not used.
-    kept: [[[f32; 2]; 2 * COLUMNS]; ROWS],
-    /// The mean loss over the cosine-weighted hemisphere, by row.
-    loss: [f32; ROWS],
+/// One side of a boundary of one roughness.
+struct Side {
+    /// Kept light, mirrored and refracted, by column from π/2 over the critical angle to 0. Without a critical angle,
+    /// the first half is not used.
+    kept: [[f32; 2]; 2 * COLUMNS],
+    /// The mean loss over the cosine-weighted hemisphere.
+    loss: f64,
 }
 
-/// The albedos of both sides of a boundary.
-struct AlbedoTable {
+/// The albedos of both sides of a boundary of one roughness.
+struct Row {
     /// The side of the thinner medium, then that of the denser one.
-    sides: [SideTable; 2],
+    sides: [Side; 2],
     /// The mean Fresnel share on the thinner side.
     mean_fresnel: f64,
 }
@@ -99,9 +99,10 @@ fn row_alpha(row: usize) -> f64 {
     roughness * roughness
 }
 
-/// The facets of a quadrature: directions around the axis, and parts of the cap's area. They form a Fibonacci lattice.
-pub(super) fn facets(points: usize) -> Vec<(DVec2, f64)> {
-    let at = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract();
+/// The facets of a quadrature: directions within this part of a turn around the axis, and parts of the cap's area. They
+/// form a Fibonacci lattice.
+pub(super) fn facets(points: usize, turn: f64) -> Vec<(DVec2, f64)> {
+    let at = |i: usize| turn * (i as f64 * 0.618_033_988_749_894_9).fract();
     (0..points).map(|i| (on_circle(at(i)), (i as f64 + 0.5) / points as f64)).collect()
 }
 
@@ -128,61 +129,74 @@ pub(super) fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx, facets: &[(DVec2, f64)]
     Kept { mirrored: sum.mirrored / facets.len() as f64, refracted: sum.refracted / facets.len() as f64 }
 }
 
-impl SideTable {
-    fn new(eta: f64, is_denser: bool, masking: Masking) -> SideTable {
+impl Side {
+    fn new(eta: f64, is_denser: bool, ggx: &Ggx) -> Side {
         let (critical, eta_ratio) = (critical(eta, is_denser), if is_denser { eta } else { 1.0 / eta });
-        let facets = facets(POINTS);
-        let mut table = SideTable { kept: [[[0.0; 2]; 2 * COLUMNS]; ROWS], loss: [0.0; ROWS] };
-        for row in 0..ROWS {
-            let alpha = row_alpha(row);
-            let ggx = Ggx::isotropic(alpha, masking);
-            for half in usize::from(!is_denser)..2 {
-                for column in 0..COLUMNS {
-                    let cos = column_cosine(half, column, critical, alpha).clamp(1e-6, 1.0);
-                    let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                    let kept = kept(wo, eta_ratio, &ggx, &facets);
-                    table.kept[row][half * COLUMNS + column] = [kept.mirrored as f32, kept.refracted as f32];
-                }
+        let alpha = ggx.alpha[0];
+        // Both halves of the facets are mirror images.
+        let facets = facets(POINTS, 0.5);
+        let mut side = Side { kept: [[0.0; 2]; 2 * COLUMNS], loss: 0.0 };
+        for half in usize::from(!is_denser)..2 {
+            for column in 0..COLUMNS {
+                let cos = column_cosine(half, column, critical, alpha).clamp(1e-6, 1.0);
+                let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                let kept = kept(wo, eta_ratio, ggx, &facets);
+                side.kept[half * COLUMNS + column] = [kept.mirrored as f32, kept.refracted as f32];
             }
-            // ∫ (1 − E(µ)) 2µ dµ, with finer steps at small µ.
-            const STEPS: u32 = 512;
-            let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
-            let lost = |t: f64| (1.0 - table.row(row, t * t, critical, alpha).total()) * 4.0 * t * t * t;
-            table.loss[row] = ((0..STEPS).map(|i| lost(at(i))).sum::<f64>() / f64::from(STEPS)) as f32;
         }
-        table
+        // ∫ (1 − E(µ)) 2µ dµ, with finer steps at small µ.
+        const STEPS: u32 = 512;
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
+        let lost = |t: f64| (1.0 - side.kept(t * t, critical, alpha).total()) * 4.0 * t * t * t;
+        side.loss = (0..STEPS).map(|i| lost(at(i))).sum::<f64>() / f64::from(STEPS);
+        side
     }
 
-    /// The kept light of a row at the places of the columns for this α.
-    fn row(&self, row: usize, cos: f64, critical: f64, alpha: f64) -> Kept {
+    /// The kept light at the places of the columns for this α.
+    fn kept(&self, cos: f64, critical: f64, alpha: f64) -> Kept {
         let (half, place) = column_place(cos, critical, alpha);
         let at = place * (COLUMNS - 1) as f64;
         let column = (at as usize).min(COLUMNS - 2);
-        let (share, columns) = (at - column as f64, &self.kept[row][half * COLUMNS + column..]);
+        let (share, columns) = (at - column as f64, &self.kept[half * COLUMNS + column..]);
         let between = |k: usize| f64::from(columns[0][k]) * (1.0 - share) + f64::from(columns[1][k]) * share;
         Kept { mirrored: between(0), refracted: between(1) }
     }
 }
 
-impl AlbedoTable {
-    fn new(number: usize, masking: Masking) -> AlbedoTable {
+impl Row {
+    fn new(index: usize, row: usize, masking: Masking) -> Row {
         // The first and last one have no finite η of their own.
-        let s = (number as f64).clamp(0.02, TABLES as f64 - 0.5) / TABLES as f64;
+        let s = (index as f64).clamp(0.02, INDICES as f64 - 0.5) / INDICES as f64;
         let eta = (1.0 + s) / (1.0 - s);
         const STEPS: u32 = 1024;
         let mean_fresnel = (0..STEPS)
             .map(|i| fresnel_dielectric(((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt(), 1.0 / eta))
             .sum::<f64>()
             / f64::from(STEPS);
-        AlbedoTable { sides: [false, true].map(|is_denser| SideTable::new(eta, is_denser, masking)), mean_fresnel }
+        let ggx = Ggx::isotropic(row_alpha(row), masking);
+        Row { sides: [false, true].map(|is_denser| Side::new(eta, is_denser, &ggx)), mean_fresnel }
     }
 
-    fn get(number: usize, masking: Masking) -> &'static AlbedoTable {
-        static ALL: [[OnceLock<Box<AlbedoTable>>; TABLES + 1]; 2] =
-            [const { [const { OnceLock::new() }; TABLES + 1] }; 2];
-        ALL[usize::from(masking == Masking::Separable)][number]
-            .get_or_init(|| Box::new(AlbedoTable::new(number, masking)))
+    fn get(index: usize, row: usize, masking: Masking) -> &'static Row {
+        type Rows = [OnceLock<Box<Row>>; ROWS];
+        static ALL: [[Rows; INDICES + 1]; 2] =
+            [const { [const { [const { OnceLock::new() }; ROWS] }; INDICES + 1] }; 2];
+        ALL[usize::from(masking == Masking::Separable)][index][row]
+            .get_or_init(|| Box::new(Row::new(index, row, masking)))
     }
+}
+
+/// The two numbers around a place, and their shares.
+pub(super) fn split(at: f64, last: usize) -> [(usize, f64); 2] {
+    let at = at.clamp(0.0, last as f64);
+    let first = (at as usize).min(last - 1);
+    // The rounding of an index from a file should not need more rows.
+    let share = match at - first as f64 {
+        share if share < 1e-6 => 0.0,
+        share if share > 1.0 - 1e-6 => 1.0,
+        share => share,
+    };
+    [(first, 1.0 - share), (first + 1, share)]
 }
 
 /// What a rough boundary of clear media keeps and loses.
@@ -193,45 +207,27 @@ pub(super) struct DielectricAlbedo {
     alpha: f64,
     /// Whether the viewer is in the denser medium.
     is_denser: bool,
-    tables: [(&'static AlbedoTable, f64); 2],
-    rows: [(usize, f64); 2],
+    /// The rows around this boundary and their shares.
+    rows: [Option<(&'static Row, f64)>; 4],
 }
 
 impl DielectricAlbedo {
     /// The albedos of a boundary with `eta_ratio` = ηᵢ/ηₜ, of the viewer's side over the other one.
     pub(super) fn new(eta_ratio: f64, alpha: f64, masking: Masking) -> DielectricAlbedo {
         let eta = eta_ratio.max(1.0 / eta_ratio);
-        let at = ((eta - 1.0) / (eta + 1.0) * TABLES as f64).clamp(0.0, TABLES as f64);
-        let row = alpha.sqrt().clamp(0.0, 1.0) * (ROWS - 1) as f64;
-        let split = |at: f64, last: usize| {
-            let first = (at as usize).min(last - 1);
-            let share = at - first as f64;
-            // The rounding of an index from a file should not need a second table.
-            let share = if share < 1e-6 {
-                0.0
-            } else if share > 1.0 - 1e-6 {
-                1.0
-            } else {
-                share
-            };
-            [(first, 1.0 - share), (first + 1, share)]
-        };
-        let tables = split(at, TABLES);
-        let kept = tables.iter().find(|(_, share)| *share > 0.0).map_or(0, |(number, _)| *number);
-        let tables =
-            tables.map(|(number, share)| (AlbedoTable::get(if share > 0.0 { number } else { kept }, masking), share));
-        DielectricAlbedo { eta, alpha, is_denser: eta_ratio > 1.0, tables, rows: split(row, ROWS - 1) }
+        let indices = split((eta - 1.0) / (eta + 1.0) * INDICES as f64, INDICES);
+        let roughnesses = split(alpha.sqrt() * (ROWS - 1) as f64, ROWS - 1);
+        let rows = [0, 1, 2, 3].map(|i: usize| {
+            let ((index, by_index), (row, by_row)) = (indices[i / 2], roughnesses[i % 2]);
+            let share = by_index * by_row;
+            (share > 0.0).then(|| (Row::get(index, row, masking), share))
+        });
+        DielectricAlbedo { eta, alpha, is_denser: eta_ratio > 1.0, rows }
     }
 
-    /// The sum over the tables and rows around this boundary.
-    fn interpolate(&self, value: impl Fn(&AlbedoTable, usize) -> f64) -> f64 {
-        let mut sum = 0.0;
-        for (table, by_table) in self.tables.iter().filter(|(_, share)| *share > 0.0) {
-            for (row, by_row) in self.rows.iter().filter(|(_, share)| *share > 0.0) {
-                sum += value(table, *row) * by_table * by_row;
-            }
-        }
-        sum
+    /// The mean over the rows around this boundary.
+    fn interpolate(&self, value: impl Fn(&Row) -> f64) -> f64 {
+        self.rows.iter().flatten().map(|(row, share)| value(row) * share).sum()
     }
 
     /// What one scattering keeps at the cosine of an angle, on the viewer's side or on the other one.
@@ -239,12 +235,10 @@ impl DielectricAlbedo {
         let is_denser = self.is_denser == viewers_side;
         let critical = critical(self.eta, is_denser);
         let mut sum = Kept::default();
-        for (table, by_table) in self.tables.iter().filter(|(_, share)| *share > 0.0) {
-            for (row, by_row) in self.rows.iter().filter(|(_, share)| *share > 0.0) {
-                let kept = table.sides[usize::from(is_denser)].row(*row, cos, critical, self.alpha);
-                sum.mirrored += kept.mirrored * by_table * by_row;
-                sum.refracted += kept.refracted * by_table * by_row;
-            }
+        for (row, share) in self.rows.iter().flatten() {
+            let kept = row.sides[usize::from(is_denser)].kept(cos, critical, self.alpha);
+            sum.mirrored += kept.mirrored * share;
+            sum.refracted += kept.refracted * share;
         }
         sum
     }
@@ -256,11 +250,9 @@ impl DielectricAlbedo {
 
     /// How the lost light is given back.
     pub(super) fn given_back(&self) -> GivenBack {
-        let loss = |is_denser: bool| {
-            self.interpolate(|table, row| table.sides[usize::from(is_denser)].loss[row].into()).max(1e-12)
-        };
+        let loss = |is_denser: bool| self.interpolate(|row| row.sides[usize::from(is_denser)].loss).max(1e-12);
         let (own, other) = (loss(self.is_denser), loss(!self.is_denser));
-        let passed = 1.0 - self.interpolate(|table, _| table.mean_fresnel);
+        let passed = 1.0 - self.interpolate(|row| row.mean_fresnel);
         let passed = if self.is_denser { passed / (self.eta * self.eta) } else { passed };
         GivenBack { mirrored: 1.0 - passed * own.min(other) / own, losses: [own, other] }
     }
@@ -273,4 +265,38 @@ pub(super) struct GivenBack {
     pub(super) mirrored: f64,
     /// The mean losses on the viewer's side and on the other one.
     pub(super) losses: [f64; 2],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the table says is the mean over many facets, also between its rows and columns. The mirrored part counts on
+    /// the thinner side, where it is taken from what lies below.
+    #[test]
+    fn tables_hold_the_means_over_facets() {
+        let facets = facets(10_946, 0.5);
+        for eta in [1.1, 1.33, 1.5, 2.4] {
+            for roughness in [0.05f64, 0.1, 0.21, 0.35, 0.5, 0.72, 1.0] {
+                let ggx = Ggx::isotropic(roughness * roughness, Masking::HeightCorrelated);
+                for ratio in [1.0 / eta, eta] {
+                    let table = DielectricAlbedo::new(ratio, ggx.alpha[0], ggx.masking);
+                    for degrees in [0.0f64, 20.0, 41.0, 45.0, 50.0, 65.0, 75.0, 80.0, 85.0, 88.0] {
+                        let (sin, cos) = libm::sincos(degrees.to_radians());
+                        let [ours, exact] =
+                            [table.kept(cos, true), kept(DVec3::new(sin, 0.0, cos), ratio, &ggx, &facets)];
+                        let off = [ours.total() - exact.total(), ours.mirrored - exact.mirrored];
+                        assert!(
+                            off[0].abs() < 2.5e-3,
+                            "η {ratio}, roughness {roughness}, {degrees}°: {ours:?} {exact:?}"
+                        );
+                        assert!(
+                            ratio > 1.0 || off[1].abs() < 3e-3,
+                            "η {ratio}, {roughness}, {degrees}°: {ours:?} {exact:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }

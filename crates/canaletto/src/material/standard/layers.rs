@@ -3,11 +3,12 @@
 //! These factors depend on the viewer's direction only, so that layers are not reciprocal where single lobes are.
 
 use super::super::conductor_albedo::conductor_albedo;
-use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept};
+use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept, facets};
 use super::super::ggx::{Ggx, Masking};
 use super::super::{fresnel_dielectric, reflect};
 use super::bsdf::StandardBsdf;
 use super::fuzz::Fuzz;
+use super::stretched_albedo::stretched_albedo;
 use super::thin_film::{UnderFilm, reflectance};
 use crate::math::Rgb;
 use glam::{DVec2, DVec3};
@@ -91,8 +92,11 @@ fn mean_fresnel(eta: f64) -> f64 {
     libm::log((10_893.0 * eta - 1_438.2) / (-774.4 * eta * eta + 10_212.0 * eta + 1.0)).max(0.0)
 }
 
-/// The facets of the quadrature for albedos that no table has: those of stretched facets, and of a base with a film.
-static FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| dielectric_albedo::facets(55));
+/// The facets of the quadrature for albedos that no table has: those of stretched facets from inside.
+static FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| facets(233, 1.0));
+
+/// The facets of the quadrature for what a film changes.
+static FILM_FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| facets(55, 1.0));
 
 /// What one scattering of a boundary keeps.
 fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
@@ -102,7 +106,11 @@ fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
         return Kept { mirrored, refracted: 1.0 - mirrored };
     }
     if x != y {
-        return dielectric_albedo::kept(wo, eta_ratio, ggx, &FACETS);
+        return if eta_ratio <= 1.0 {
+            stretched_albedo(wo, eta_ratio, ggx).1
+        } else {
+            dielectric_albedo::kept(wo, eta_ratio, ggx, &FACETS)
+        };
     }
     DielectricAlbedo::new(eta_ratio, x, ggx.masking).kept(wo.z, true)
 }
@@ -130,27 +138,29 @@ impl StandardBsdf {
         lerp(plain, film, self.film.weight.into())
     }
 
-    /// What the dielectric base mirrors, as a share of all that it keeps.
-    fn gloss_albedo(&self, wo: DVec3, kept: &Kept) -> Rgb {
-        let plain = Rgb::gray((kept.mirrored / kept.total()) as f32);
+    /// What the dielectric base mirrors once, of which one scattering mirrors `mirrored` without a film, times `gain`.
+    fn gloss_albedo(&self, wo: DVec3, mirrored: f64, gain: f64) -> Rgb {
+        let plain = Rgb::gray((mirrored * gain) as f32);
         if self.film.weight == 0.0 {
             return plain;
         }
         if self.is_smooth() {
             return self.dielectric_fresnel(wo.z);
         }
+        // The mean of what the film changes, whose facets are few.
         let ggx = self.ggx();
         let squeezed = ggx.squeezed(wo);
         let mut sum = Rgb::BLACK;
-        for (circle, u) in FACETS.iter() {
+        for (circle, u) in FILM_FACETS.iter() {
             let m = ggx.on_cap(squeezed, squeezed.z, *circle, *u);
             let cos = wo.dot(m);
-            let mirrored = m * (2.0 * cos) - wo;
+            let mirrored = reflect(wo, m);
             if mirrored.z > 0.0 {
-                sum += self.dielectric_fresnel(cos) * ggx.shadowing(wo, mirrored) as f32;
+                let change = self.dielectric_fresnel(cos) - Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
+                sum += change * ggx.shadowing(wo, mirrored) as f32;
             }
         }
-        (sum * (1.0 / (FACETS.len() as f64 * kept.total())) as f32).map(|v| v.min(1.0))
+        (plain + sum * (gain / FILM_FACETS.len() as f64) as f32).map(|v| v.clamp(0.0, 1.0))
     }
 
     /// The layers as they are seen from `wo`, in the frame of the facets.
@@ -174,7 +184,8 @@ impl StandardBsdf {
         // The base
         let metalness = f64::from(self.metalness);
         let mut metal_share = Rgb::BLACK;
-        let metal_albedo = if self.is_smooth() { 1.0 } else { self.facet_albedo(wo) };
+        let mirrors = metalness > 0.0 || self.thin_walled;
+        let metal_albedo = if self.is_smooth() || !mirrors { 1.0 } else { self.facet_albedo(wo) };
         if metalness > 0.0 {
             let lost = (1.0 - metal_albedo) / metal_albedo;
             let scattered = Rgb::WHITE + self.metal.f0 * lost as f32;
@@ -182,10 +193,13 @@ impl StandardBsdf {
         }
         let (dielectric, clear) = (1.0 - metalness, f64::from(self.clear));
         let [mut gloss_share, mut clear_share, mut diffuse_share, mut translucent_share, mut gloss] = [Rgb::BLACK; 5];
+        let mut refracted = 0.0;
         if dielectric > 0.0 {
             let kept = kept(wo, self.eta_ratio(), &self.ggx());
-            gloss = self.gloss_albedo(wo, &kept);
+            // The facets of a thin wall mirror what passes, too: all that they lose is lost by mirroring.
             let gain = if self.thin_walled { 1.0 / metal_albedo } else { 1.0 / kept.total() };
+            gloss = self.gloss_albedo(wo, kept.mirrored, gain);
+            refracted = kept.refracted * gain;
             gloss_share = self.specular_tint * (dielectric * gain) as f32;
             clear_share = self.clear_tint * (dielectric * clear * gain) as f32;
             let entering = (Rgb::WHITE - gloss).map(|v| v.max(0.0)) * (dielectric * (1.0 - clear)) as f32;
@@ -195,7 +209,7 @@ impl StandardBsdf {
         }
         let base = below[0] + below[1] * self.coat.color;
         let size = |color: Rgb| f64::from(color.max_component());
-        let passed = (Rgb::WHITE - gloss).map(|v| v.max(0.0));
+        let passed = (Rgb::WHITE - gloss).map(|v| v.max(refracted as f32));
         let albedos = [
             size(fuzz_share),
             (1.0 - covered) * share * coat_albedo,
@@ -232,10 +246,7 @@ impl StandardBsdf {
         if x == y {
             return conductor_albedo(wo.z, x, ggx.masking);
         }
-        let squeezed = ggx.squeezed(wo);
-        let mirrored = |(circle, u): &(DVec2, f64)| reflect(wo, ggx.on_cap(squeezed, squeezed.z, *circle, *u));
-        let lit = FACETS.iter().map(mirrored).filter(|wi| wi.z > 0.0).map(|wi| ggx.shadowing(wo, wi));
-        lit.sum::<f64>() / FACETS.len() as f64
+        stretched_albedo(wo, 1.0, &ggx).0
     }
 
     /// Δ of OpenPBR: the darkening of the base by reflections inside the coat.

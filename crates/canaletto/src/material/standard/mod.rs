@@ -15,6 +15,7 @@ mod metal;
 mod parameter;
 mod point;
 mod presets;
+mod stretched_albedo;
 #[cfg(test)]
 mod tests;
 mod thin_film;

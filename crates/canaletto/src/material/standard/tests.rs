@@ -1,6 +1,6 @@
 //! The standard surface: densities, albedos, what is lossless, and each layer against a formula.
 
-use super::super::bsdf_tests::{albedo, albedo_of, check_density};
+use super::super::bsdf_tests::{albedo, check_sampling, direction, unsqueezed_albedo};
 use super::super::{Bsdf, Lobe, Material, MaterialPoint, ScatteringFrame};
 use super::*;
 use crate::material::METALS;
@@ -96,11 +96,14 @@ fn directions_have_their_density() {
         mixed,
     ];
     for (surface, degrees) in all.into_iter().zip([10.0, 65.0, 40.0].into_iter().cycle()) {
-        check_density(&bsdf(surface), degrees);
+        check_sampling(&bsdf(surface), direction(degrees), 0.0);
     }
-    check_density(&from_inside(rough(clear(), 0.5)), 40.0);
-    check_density(&from_inside(rough(mixed, 0.5)), 30.0);
+    check_sampling(&from_inside(rough(clear(), 0.5)), direction(40.0), 0.0);
+    check_sampling(&from_inside(rough(mixed, 0.5)), direction(30.0), 0.0);
 }
+
+/// What the tables and quadratures of albedos may err by.
+const TABLES: f64 = 2e-3;
 
 /// A surface of some roughness.
 type Make = fn(f32) -> StandardSurface;
@@ -123,13 +126,10 @@ fn no_surface_gains_light() {
         ("all", |r| fuzzy(coated(filmed(flat(rough(white(), r)), 0.5), r), r)),
     ];
     for (name, make) in make {
-        for roughness in [0.0, 0.2, 0.6, 1.0] {
+        for roughness in [0.0, 0.3, 1.0] {
             for degrees in ANGLES {
                 let albedo = albedo(&bsdf(make(roughness)), degrees);
-                // The albedo is a mean over few facets, and those of brushed metal are stretched.
-                // A rough leaf gains 3 %.
-                let most = if name == "leaf" { 1.03 } else { 1.0125 };
-                assert!(albedo <= most, "{name}, roughness {roughness}, {degrees}°: {albedo}");
+                assert!(albedo.is_at_most(1.0 + TABLES), "{name}, roughness {roughness}, {degrees}°: {albedo:?}");
             }
         }
     }
@@ -150,18 +150,12 @@ fn what_absorbs_nothing_loses_nothing() {
                 ("leaf", rough(leaf(), roughness)),
             ] {
                 let albedo = albedo(&bsdf(surface), degrees);
-                // The tables are right to 0.5 %, the sum over samples to 0.5 % at grazing angles.
-                // A rough leaf gains 3 %.
-                let most = if name == "leaf" { 0.03 } else { 0.01 };
-                assert!((albedo - 1.0).abs() < most, "{name}, roughness {roughness}, {degrees}°: {albedo}");
+                assert!(albedo.is_one_within(5e-3), "{name}, roughness {roughness}, {degrees}°: {albedo:?}");
             }
             let glass = rough(clear(), roughness);
-            let unsqueezed = |bsdf: &Bsdf, ratio: f64| {
-                albedo_of(bsdf, degrees, |wi| if wi.z > 0.0 { 1.0 } else { 1.0 / (ratio * ratio) })
-            };
             for (bsdf, ratio) in [(bsdf(glass), 1.0 / 1.5), (from_inside(glass), 1.5), (bsdf(thin(glass)), 1.0)] {
-                let albedo = unsqueezed(&bsdf, ratio);
-                assert!((albedo - 1.0).abs() < 1e-2, "glass {ratio}, roughness {roughness}, {degrees}°: {albedo}");
+                let albedo = unsqueezed_albedo(&bsdf, ratio, degrees);
+                assert!(albedo.is_one_within(5e-3), "glass {ratio}, roughness {roughness}, {degrees}°: {albedo:?}");
             }
         }
     }
