@@ -177,6 +177,40 @@ mod tests {
         }
     }
 
+    /// Facets mirror by the angle at them, and a polished metal by the viewer's.
+    #[test]
+    fn facets_mirror_by_their_angle() {
+        let gold = Conductor::named("gold").unwrap();
+        let (wo, wi) = (direction(50.0), direction(-75.0));
+        let single = |conductor: Conductor| {
+            let microfacets = MicrofacetOptions { multiple_scattering: false, ..MicrofacetOptions::default() };
+            metal(Conductor { microfacets, ..conductor }, 0.6).eval(wo, wi)
+        };
+        // A metal with k ≫ η mirrors all light.
+        let white = single(Conductor::new(Rgb::gray(1e-6), Rgb::gray(1e6)));
+        let expected = fresnel_conductor(direction(62.5).z, gold.eta, gold.k);
+        let ours = single(gold);
+        for ((ours, white), expected) in ours.to_array().into_iter().zip(white.to_array()).zip(expected.to_array()) {
+            assert!((ours / white - expected).abs() < 1e-3, "{ours} of {white}, not {expected}");
+        }
+        let polished = metal(gold, 0.0).sample(direction(80.0), 0.5, [0.5; 2]).unwrap();
+        assert_eq!(polished.f, fresnel_conductor(direction(80.0).z, gold.eta, gold.k));
+    }
+
+    /// What facets lose is given back as 1 + F₀ (1 − E) / E (Turquin 2019). E is 1 − ln 2 at right angles for α = 1.
+    #[test]
+    fn lost_light_comes_back_with_the_metals_colour() {
+        let gold = Conductor::named("gold").unwrap();
+        let microfacets = MicrofacetOptions { multiple_scattering: false, ..MicrofacetOptions::default() };
+        let [all, single] =
+            [gold, Conductor { microfacets, ..gold }].map(|c| metal(c, 1.0).eval(DVec3::Z, direction(40.0)));
+        let (kept, f0) = (1.0 - std::f32::consts::LN_2, fresnel_conductor(1.0, gold.eta, gold.k));
+        for ((all, single), f0) in all.to_array().into_iter().zip(single.to_array()).zip(f0.to_array()) {
+            let gain = 1.0 + f0 * (1.0 - kept) / kept;
+            assert!((all / single / gain - 1.0).abs() < 5e-3, "{all}, {single}, {gain}");
+        }
+    }
+
     #[test]
     fn directions_have_their_density() {
         for roughness in [0.3, 0.7, 1.0] {

@@ -40,28 +40,48 @@ pub(super) fn eval(color: Rgb, roughness: f64, wo: DVec3, wi: DVec3) -> Rgb {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::bsdf_tests::sphere_integral;
     use super::*;
 
-    /// ∫ f cos θ by a fine grid: the single albedo is the integral of the Fujii form, and a white surface is white.
+    /// The single albedo is the integral of the Fujii form, and a white surface is white.
     #[test]
     fn white_is_white_and_the_albedo_is_the_integral() {
         for roughness in [0.2, 0.6, 1.0] {
             for cos in [0.05, 0.3, 0.7, 1.0f64] {
                 let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                let n = 400;
-                let (mut all, mut single) = (0.0, 0.0);
-                for i in 0..n * n {
-                    let z = ((f64::from(i % n) + 0.5) / f64::from(n)).sqrt();
-                    let (sin, cosine) = libm::sincos((f64::from(i / n) + 0.5) / f64::from(n) * 2.0 * PI);
-                    let across = (1.0 - z * z).sqrt();
-                    let wi = DVec3::new(across * cosine, across * sin, z);
-                    all += f64::from(eval(Rgb::WHITE, roughness, wo, wi).g) / z * PI / f64::from(n * n);
+                let above = |wi: DVec3, f: &dyn Fn() -> f64| if wi.z > 0.0 { f() } else { 0.0 };
+                let single = sphere_integral(&|wi| {
                     let s = wo.dot(wi) - wo.z * wi.z;
                     let t = if s > 0.0 { wo.z.max(wi.z) } else { 1.0 };
-                    single += (1.0 + roughness * s / t) / (1.0 + C1 * roughness) / f64::from(n * n);
-                }
+                    above(wi, &|| (1.0 + roughness * s / t) / (1.0 + C1 * roughness) * wi.z * FRAC_1_PI)
+                });
+                let all = sphere_integral(&|wi| above(wi, &|| eval(Rgb::WHITE, roughness, wo, wi).g.into()));
                 assert!((single - single_albedo(cos, roughness)).abs() < 1e-3, "{roughness}, {cos}: {single}");
-                assert!((all - 1.0).abs() < 2e-3, "{roughness}, {cos}: {all}");
+                assert!((all - 1.0).abs() < 1e-3, "{roughness}, {cos}: {all}");
+            }
+        }
+    }
+
+    /// Light that facets keep takes the colour once more with each scattering. Of it, the mean of what one scattering
+    /// lets go leaves each time.
+    #[test]
+    fn later_scattering_is_a_series() {
+        let n = 4000;
+        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+        for (roughness, rho) in [(0.3, 0.5f32), (1.0, 0.8), (1.0, 0.2)] {
+            let mean = (0..n).map(|i| single_albedo(at(i).sqrt(), roughness)).sum::<f64>() / f64::from(n);
+            for cos in [0.2, 0.9f64] {
+                let (mut series, mut kept) = (single_albedo(cos, roughness) * f64::from(rho), f64::from(rho));
+                kept *= 1.0 - single_albedo(cos, roughness);
+                for _ in 0..60 {
+                    kept *= f64::from(rho);
+                    series += kept * mean;
+                    kept *= 1.0 - mean;
+                }
+                let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                let f = |wi: DVec3| if wi.z > 0.0 { eval(Rgb::gray(rho), roughness, wo, wi).g.into() } else { 0.0 };
+                let albedo = sphere_integral(&f);
+                assert!((albedo - series).abs() < 1e-3, "{roughness}, {rho}, {cos}: {albedo}, {series}");
             }
         }
     }

@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 pub(super) struct Fuzz {
     /// The albedo of white fibres.
     pub(super) albedo: f64,
-    /// The map to the cosine: x' = a x + b z, y' = a y, z' = z, with x away from the viewer's side.
+    /// The map to the cosine: x' = a x + b z, y' = a y, z' = z, with x to the viewer's side.
     a: f64,
     b: f64,
     /// The direction of x in the surface's plane.
@@ -55,5 +55,40 @@ impl Fuzz {
         let (along, across) = ((cosine.x - self.b * cosine.z) / self.a, cosine.y / self.a);
         let side = DVec3::new(-self.toward.y, self.toward.x, 0.0);
         (self.toward * along + side * across).with_z(cosine.z).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The fits are near some values of the authors' table: roughness and cosine in steps of 1/31, then a, b and the
+    /// albedo.
+    #[test]
+    fn fits_are_near_the_authors_table() {
+        let table = [
+            ([6, 6], [0.129_58, -0.008_64, 0.084_32]),
+            ([11, 0], [0.128_69, -0.179_52, 0.697_66]),
+            ([11, 8], [0.295_68, -0.031_24, 0.221_85]),
+            ([11, 16], [0.344_44, -0.028_78, 0.042_75]),
+            ([27, 2], [0.664_33, -0.074_76, 0.684_81]),
+            ([27, 20], [0.802_72, -0.044_48, 0.357_37]),
+            ([31, 31], [0.879_58, 0.0, 0.341_87]),
+        ];
+        for (at, expected) in table {
+            let [roughness, cos] = at.map(|i| f64::from(i) / 31.0);
+            let fuzz = Fuzz::new(DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos), roughness);
+            for (ours, expected) in [fuzz.a, fuzz.b, fuzz.albedo].into_iter().zip(expected) {
+                assert!((ours - expected).abs() < 0.03, "{roughness}, {cos}: {fuzz:?}");
+            }
+        }
+    }
+
+    /// In the authors' frame x is on the viewer's side, and b is negative: more light goes back than on.
+    #[test]
+    fn the_lobe_leans_to_the_viewer() {
+        let fuzz = Fuzz::new(DVec3::new(0.8, 0.0, 0.6), 0.5);
+        let at = |x: f64| fuzz.pdf(DVec3::new(x, 0.0, 0.6));
+        assert!(fuzz.b < 0.0 && at(0.8) > 1.1 * at(-0.8), "{} {}", at(0.8), at(-0.8));
     }
 }

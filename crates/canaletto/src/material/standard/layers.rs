@@ -98,6 +98,9 @@ static FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| facets(233, 1.0));
 /// The facets of the quadrature for what a film changes.
 static FILM_FACETS: LazyLock<Vec<(DVec2, f64)>> = LazyLock::new(|| facets(55, 1.0));
 
+/// The angles at which it is computed, equally spaced by their cosines.
+const FILM_ANGLES: usize = 17;
+
 /// What one scattering of a boundary keeps.
 fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
     let [x, y] = ggx.alpha;
@@ -147,7 +150,11 @@ impl StandardBsdf {
         if self.is_smooth() {
             return self.dielectric_fresnel(wo.z);
         }
-        // The mean of what the film changes, whose facets are few.
+        // The mean of what the film changes, over few facets, and at few angles between which it is interpolated.
+        let changes: [Rgb; FILM_ANGLES] = std::array::from_fn(|i| {
+            let cos = i as f64 / (FILM_ANGLES - 1) as f64;
+            self.dielectric_fresnel(cos) - Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32)
+        });
         let ggx = self.ggx();
         let squeezed = ggx.squeezed(wo);
         let mut sum = Rgb::BLACK;
@@ -156,8 +163,9 @@ impl StandardBsdf {
             let cos = wo.dot(m);
             let mirrored = reflect(wo, m);
             if mirrored.z > 0.0 {
-                let change = self.dielectric_fresnel(cos) - Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
-                sum += change * ggx.shadowing(wo, mirrored) as f32;
+                let at = cos * (FILM_ANGLES - 1) as f64;
+                let i = (at as usize).min(FILM_ANGLES - 2);
+                sum += lerp(changes[i], changes[i + 1], at - i as f64) * ggx.shadowing(wo, mirrored) as f32;
             }
         }
         (plain + sum * (gain / FILM_FACETS.len() as f64) as f32).map(|v| v.clamp(0.0, 1.0))

@@ -148,6 +148,8 @@ fn what_absorbs_nothing_loses_nothing() {
                 ("coated metal", coated(metal(rough(white(), roughness)), 0.4)),
                 ("fuzz", fuzzy(rough(white(), roughness), 0.4)),
                 ("leaf", rough(leaf(), roughness)),
+                ("film", filmed(rough(white(), roughness), 0.35)),
+                ("brushed", brushed(metal(rough(white(), roughness)), 0.8)),
             ] {
                 let albedo = albedo(&bsdf(surface), degrees);
                 assert!(albedo.is_one_within(5e-3), "{name}, roughness {roughness}, {degrees}°: {albedo:?}");
@@ -191,6 +193,81 @@ fn smooth_layers_have_their_factors() {
         "{} {expected}",
         factor(lacquered, Lobe::Mirror)
     );
+}
+
+/// A metal has its colour at right angles, and its tint at 82°. What rough facets lose comes back with the colour, as
+/// 1 + F₀ (1 − E) / E, where E is 1 − ln 2 at right angles for α = 1.
+#[test]
+fn metals_have_their_colours() {
+    let gray = |roughness: f32| {
+        let base = StandardBase { color: Rgb::gray(0.5), metalness: 1.0, ..StandardBase::default() };
+        let specular = StandardSpecular { roughness, color: Rgb::gray(0.25), ..StandardSpecular::default() };
+        bsdf(StandardSurface { base, specular, ..StandardSurface::default() })
+    };
+    let rim = gray(0.0).sample(DVec3::new((48.0f64 / 49.0).sqrt(), 0.0, 1.0 / 7.0), 0.5, [0.5; 2]).unwrap();
+    let schlick = 0.5 + 0.5 * libm::powf(6.0 / 7.0, 5.0);
+    assert!(rim.is_delta && (rim.f.g - 0.25 * schlick).abs() < 1e-5, "{rim:?}");
+    let [ours, white] = [gray(1.0), bsdf(metal(rough(white(), 1.0)))].map(|bsdf| bsdf.eval(DVec3::Z, DVec3::Z).g);
+    let kept = 1.0 - std::f32::consts::LN_2;
+    let expected = 0.5 * (kept + 0.5 * (1.0 - kept));
+    assert!((ours / white - expected).abs() < 2e-3, "{ours} of {white}, not {expected}");
+}
+
+/// Brushed facets lean along the tangent by αx and across it by αy, with αx² + αy² = 2 r⁴ and αy = (1 − anisotropy) αx.
+#[test]
+fn brushed_facets_lean_along_the_tangent() {
+    let tangent = DVec3::new(0.0, 2.0, 0.0);
+    let frame = ScatteringFrame { tangent, ..ScatteringFrame::flat(DVec3::Z, 1.0) };
+    let bsdf = bsdf_in(brushed(metal(rough(white(), 0.7)), 0.6), frame);
+    let along = 0.49 * (2.0f64 / 1.16).sqrt();
+    let f = |slope: DVec3, alpha: f64| {
+        let wi = (DVec3::Z + slope).normalize();
+        // D (11 of Walter et al. 2007, with one width along each axis) times G₂ of Smith, but for what both share.
+        let (m, tan2) = ((DVec3::Z + wi).normalize(), slope.length_squared());
+        let lean = (1.0 - m.z * m.z) / (alpha * alpha) + m.z * m.z;
+        let ours = f64::from(bsdf.eval(DVec3::Z, wi).g);
+        ours * lean * lean * (1.0 + 0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0))
+    };
+    let [a, b] = [f(DVec3::Y, along), f(DVec3::X, 0.4 * along)];
+    assert!((a / b - 1.0).abs() < 1e-4, "{a}, {b}");
+}
+
+/// A coat has its colour after two passages at right angles, and more of it along longer ways. Below it, light goes
+/// back and forth: 1 − K of it leaves at a time, where K is the mean of Fresnel's share from inside, .5963 for η = 1.5.
+#[test]
+fn coats_colour_and_darken() {
+    let base =
+        |color: f32, metalness: f32| StandardBase { color: Rgb::gray(color), metalness, ..StandardBase::default() };
+    let coat = StandardCoat { weight: 1.0, ior: 1.5, ..StandardCoat::default() };
+    let mirror = |color: f32, degrees: f64| {
+        let coat = StandardCoat { color: Rgb::gray(color), ..coat };
+        let bsdf = bsdf(StandardSurface { base: base(1.0, 1.0), coat, ..rough(white(), 0.0) });
+        let samples =
+            (0..1000).map(|i| bsdf.sample(direction(degrees), (f64::from(i) + 0.5) / 1000.0, [0.5; 2]).unwrap());
+        // Of the two mirrors, the metal is the brighter one.
+        samples.map(|s| s.f.g).fold(0.0, f32::max)
+    };
+    for (degrees, inside) in [(0.0, 1.0), (60.0, (2.0f32 / 3.0).sqrt())] {
+        let ours = mirror(0.4, degrees) / mirror(1.0, degrees);
+        assert!((ours - libm::powf(0.4, 1.0 / inside)).abs() < 1e-5, "{degrees}°: {ours}");
+    }
+    let diffuse = |darkening: f32| {
+        let coat = StandardCoat { darkening, ..coat };
+        let surface = StandardSurface { base: base(0.5, 0.0), coat, ..rough(white(), 1.0) };
+        f64::from(bsdf(surface).eval(direction(20.0), direction(50.0)).g)
+    };
+    let (ours, expected) = (diffuse(1.0) / diffuse(0.0), (1.0 - 0.5963) / (1.0 - 0.5 * 0.5963));
+    assert!((ours - expected).abs() < 2e-3, "{ours}, {expected}");
+}
+
+/// A clear body has its colour after its depth.
+#[test]
+fn absorption_gives_the_colour_after_the_depth() {
+    let mut surface = clear();
+    (surface.transmission.color, surface.transmission.depth) = (Rgb::new(0.9, 0.5, 0.1), 2.5);
+    let medium = Material::new_standard("test", surface).medium;
+    let off = (medium.transmittance(2.5) - surface.transmission.color).to_array();
+    assert!(off.into_iter().all(|off| off.abs() < 1e-6), "{off:?}");
 }
 
 /// Fresnel's equations give the reflection of a thin film for each wavelength (Airy). Its means over the eye's response
