@@ -352,11 +352,13 @@ const PATHS: &str = r#"
     material "glass" { dielectric 1.5; absorption 0.2 0.1 0.4 }
     material "gold" { conductor "gold"; roughness 0.3 }
     material "veil" { kd 0.5; coverage 0.5 }
+    material "prism" { standard { transmission { weight 1; dispersion-scale 1 } } }
     disk name="floor" material="floor" { center 0 0 0; normal 0 1 0; radius 8 }
     disk name="lamp" material="lamp" { center 0 3 0; normal 0 -1 0; radius 0.8 }
     sphere name="fog" material="fog" { center 0 0.6 0; radius 0.6 }
     sphere name="glass" material="glass" { center -1.2 0.5 0; radius 0.5 }
     sphere name="gold" material="gold" { center 1.2 0.5 0; radius 0.5 }
+    sphere name="prism" material="prism" { center 0 1.6 0; radius 0.4 }
     disk name="veil" material="veil" { center 0 0.6 2; normal 0 0 1; radius 0.4 }
     light "omni" name="bulb" { position 2 2 2; intensity 0.5 0.5 0.5 }
     light "directional" name="sun" { direction 0.2 -1 -0.4; intensity 0.5 0.5 0.5 }
@@ -409,7 +411,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 42] = [
+const EXPLAINED: [&str; 43] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -448,6 +450,7 @@ const EXPLAINED: [&str; 42] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
     "paths.kdl -p 20,15",
+    "paths.kdl -p 20,8",
     "mixed.kdl -p 24,16 --integrator path --samples 16",
     "ROOT/scenes/motion-blur.kdl -p 150,100 --integrator path --samples 4",
     "ROOT/scenes/depth-of-field.kdl -p 150,100 --integrator path --samples 4",

@@ -15,7 +15,9 @@ mod zbuffer;
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
 pub use measurement::Measurement;
-pub use path::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource, SourceSample};
+pub use path::{
+    Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource, SourceSample,
+};
 pub(crate) use path::{PathTracer, PreparedPath};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;

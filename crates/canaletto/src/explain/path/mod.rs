@@ -10,7 +10,7 @@ use super::developed::DevelopedNode;
 use super::tree::Side;
 use super::{ExplainError, MAX_RAYS};
 use crate::film::{BlockMean, SampleBlocks, SampleStatistics, WeightedSum, block_sizes};
-use crate::integrator::{Passage, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
+use crate::integrator::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
 use crate::integrator::{PreparedPath, PreparedRayIntegrator, RayIntegrator};
 use crate::material::Lobe;
 use crate::math::Rgb;
@@ -148,6 +148,13 @@ pub enum PathStep {
     Medium {
         /// The distance in it.
         distance: f64,
+        /// The factor of the throughput.
+        factor: Rgb,
+    },
+    /// The surface refracts red, green and blue by different angles. The path goes on for one of them.
+    Dispersed {
+        /// The channel.
+        channel: PathChannel,
         /// The factor of the throughput.
         factor: Rgb,
     },
@@ -308,7 +315,9 @@ impl PathSample {
         let (mut light, mut throughput) = (Rgb::BLACK, Rgb::WHITE);
         for step in self.rays.iter().flat_map(|ray| &ray.steps) {
             match step {
-                PathStep::Medium { factor, .. } => throughput = throughput * *factor,
+                PathStep::Medium { factor, .. } | PathStep::Dispersed { factor, .. } => {
+                    throughput = throughput * *factor;
+                }
                 PathStep::Found { radiance, densities, .. } => {
                     let arriving = densities.map_or(*radiance, |d| *radiance * d.weight_of_scattering());
                     light += (throughput * arriving).saturated();

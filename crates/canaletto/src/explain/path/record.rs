@@ -66,7 +66,9 @@ impl<'w> PathRecorder<'w> {
         let mut throughput = ray.throughput;
         for step in &mut ray.steps {
             match step {
-                PathStep::Medium { factor, .. } => throughput = throughput * *factor,
+                PathStep::Medium { factor, .. } | PathStep::Dispersed { factor, .. } => {
+                    throughput = throughput * *factor;
+                }
                 PathStep::Overlay { share, .. } => throughput *= 1.0 - *share,
                 PathStep::Sampled(node) => {
                     node.visible = visible;
@@ -157,6 +159,10 @@ impl Probe for PathRecorder<'_> {
                 let weight = densities.map_or(1.0, |d| d.weight_of_scattering());
                 let contribution = (throughput * (radiance * weight)).saturated();
                 self.push(PathStep::Found { emitter, radiance, densities, weight, contribution });
+            }
+            PathEvent::Dispersed { channel, factor } => {
+                self.throughput = throughput * factor;
+                self.push(PathStep::Dispersed { channel, factor });
             }
             PathEvent::Passed(passage) => self.push(PathStep::Passed(passage)),
             PathEvent::Overlay { color, share } => {

@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::explain::{Explainer, TextStyle};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni};
-use crate::material::{Conductor, Dielectric, Material, Medium, Phong};
+use crate::material::{Conductor, Dielectric, Material, Medium, Phong, StandardSurface, StandardTransmission};
 use crate::render::render;
 use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, Sampling, Scene};
 use crate::shape::{Cuboid, Disk, Shape, Sphere};
@@ -18,6 +18,7 @@ fn scene() -> Scene {
     let fog = Medium { absorption: Rgb::gray(0.1), scattering: Rgb::new(0.9, 0.6, 0.4), anisotropy: 0.3 };
     let gold = Conductor::named("gold").unwrap();
     let rough = Conductor { phong: Phong { roughness: 0.3, ..gold.phong }, ..gold };
+    let transmission = StandardTransmission { weight: 1.0, dispersion_scale: 1.0, ..StandardTransmission::default() };
     let ball = |x: f32, radius: f32| Shape::Sphere(Sphere { center: Vec3::new(x, radius, 0.0), radius });
     let node = |shape: Shape, material: u32| Node::from(shape).with_material(material);
     let light = Light::new(LightKind::Omni(Omni::at(Vec3::new(1.0, 3.0, 2.0))), Rgb::gray(0.5));
@@ -32,6 +33,7 @@ fn scene() -> Scene {
             Material::new("fog", Dielectric::new(1.0)).with_medium(fog),
             Material::new("gold", rough),
             Material::new("veil", phong(0.4)).with_coverage(0.5),
+            Material::new_standard("prism", StandardSurface { transmission, ..StandardSurface::default() }),
         ],
         nodes: vec![
             node(Shape::Box(Cuboid { min: Vec3::new(-4.0, -0.1, -4.0), max: Vec3::new(4.0, 0.0, 4.0) }), 0),
@@ -39,6 +41,7 @@ fn scene() -> Scene {
             node(ball(-2.0, 0.8), 2),
             node(ball(0.0, 0.9), 3),
             node(ball(2.0, 0.7), 4),
+            node(Shape::Sphere(Sphere { center: Vec3::new(-1.0, 2.0, -0.5), radius: 0.5 }), 6),
             node(Shape::Disk(Disk { center: Vec3::new(0.0, 1.0, 2.0), normal: Vec3::Z, radius: 0.8 }), 5),
             Node::from(light),
         ],
@@ -78,6 +81,7 @@ fn the_factors_of_all_paths_make_the_picture() {
                 for step in sample.rays.iter().flat_map(|ray| &ray.steps) {
                     kinds.insert(match step {
                         PathStep::Medium { .. } => "medium",
+                        PathStep::Dispersed { .. } => "dispersed",
                         PathStep::Found { densities: Some(_), .. } => "weighted",
                         PathStep::Found { .. } => "found",
                         PathStep::Passed(Passage::Coverage) => "coverage",
@@ -95,7 +99,7 @@ fn the_factors_of_all_paths_make_the_picture() {
             }
         }
     }
-    assert_eq!(kinds.len(), 13, "{kinds:?}");
+    assert_eq!(kinds.len(), 14, "{kinds:?}");
 }
 
 /// The text tells each factor, and a short one a single path.

@@ -5,7 +5,7 @@ use crate::explain::patch::RadiosityTerms;
 use crate::explain::text::{write_developed, write_equal};
 use crate::explain::text_writer::{TextStyle, TextWriter, counted};
 use crate::explain::tree::Side;
-use crate::integrator::{Passage, PathEmitter, PathEnd};
+use crate::integrator::{Passage, PathChannel, PathEmitter, PathEnd};
 use crate::material::Lobe;
 use crate::math::Rgb;
 use std::fmt::{self, Display, Formatter};
@@ -135,6 +135,14 @@ fn write_step(w: &mut TextWriter, step: &PathStep) {
     match step {
         PathStep::Medium { distance, factor } => {
             writeln!(w, "   medium: {} through it, throughput x {}", w.size(*distance), w.rgb(*factor));
+        }
+        PathStep::Dispersed { channel, factor } => {
+            let name = match channel {
+                PathChannel::Red => "red",
+                PathChannel::Green => "green",
+                PathChannel::Blue => "blue",
+            };
+            writeln!(w, "   dispersion: goes on for {name} only, throughput x {}", w.rgb(*factor));
         }
         PathStep::Found { emitter, radiance, densities, weight, contribution } => {
             let name = match emitter {

@@ -52,6 +52,13 @@ pub enum PathEvent<'a> {
         /// The densities of the two ways to find this light. None if there is one way only.
         densities: Option<PathDensities>,
     },
+    /// The surface refracts red, green and blue by different angles, and the path goes on for one of them.
+    Dispersed {
+        /// The channel.
+        channel: PathChannel,
+        /// The factor of the throughput: 3 in the channel, and 0 in the others.
+        factor: Rgb,
+    },
     /// The path goes straight on through the surface.
     Passed(Passage),
     /// An overlay of this colour has this share of the surface.
@@ -89,6 +96,23 @@ pub enum PathEmitter {
     Environment,
     /// The background.
     Background,
+}
+
+/// The channel of a path that carries only one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathChannel {
+    /// Red.
+    Red,
+    /// Green.
+    Green,
+    /// Blue.
+    Blue,
+}
+
+impl PathChannel {
+    /// All channels in the order of [`Rgb`].
+    pub const ALL: [PathChannel; 3] = [PathChannel::Red, PathChannel::Green, PathChannel::Blue];
 }
 
 /// The densities per unit of solid angle with which two ways find the same light.

@@ -36,7 +36,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
-pub use event::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample};
+pub use event::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use stream::PathStream;

@@ -6,7 +6,7 @@ use super::PathTracer;
 use super::direct::ShadowRay;
 use super::emitter::seen_emission;
 use super::light_tree::Receiver;
-use super::{Passage, PathDensities, PathEmitter, PathEnd, PathEvent};
+use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
 use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
@@ -565,8 +565,7 @@ impl PathTracer<'_> {
             let factor = Rgb::from(one);
             path.throughput = path.throughput * factor;
             path.channel = Some(channel);
-            // A factor of the throughput at this place, like that of a medium of no length.
-            probe.path(PathEvent::Medium { medium: &Medium::VACUUM, distance: 0.0, factor, scattered: None });
+            probe.path(PathEvent::Dispersed { channel: PathChannel::ALL[channel], factor });
         }
     }
 
