@@ -34,7 +34,7 @@ fn rough_glass_loses_nothing() {
         for ratio in [1.0 / eta, eta] {
             for roughness in [0.05, 0.2, 0.4, 0.7, 1.0] {
                 let bsdf = glass(roughness, ratio);
-                for degrees in [0.0, 35.0, 41.0, 50.0, 65.0, 80.0, 88.0] {
+                for degrees in [0.0, 41.0, 65.0, 80.0, 88.0] {
                     let albedo = unsqueezed_albedo(&bsdf, ratio, degrees);
                     assert!(albedo.is_one_within(4e-3), "η {ratio}, roughness {roughness}, {degrees}°: {albedo:?}");
                 }

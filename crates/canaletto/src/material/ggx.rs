@@ -158,3 +158,34 @@ pub(super) fn on_circle(turn: f64) -> DVec2 {
     let (sin, cos) = libm::sincos(TAU * turn);
     DVec2::new(cos, sin)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::reflect;
+    use super::*;
+    use crate::shape::testing::Random;
+
+    /// The facets between the viewer and any direction above the surface are on the cap that is sampled for mirrors.
+    /// Some are near its end where the widths are equal.
+    #[test]
+    fn the_cap_has_all_facets_that_mirror_upwards() {
+        let mut random = Random(1);
+        for alpha in [[0.2, 0.2], [0.7, 0.7], [1.0, 1.0], [0.9, 0.3]] {
+            let ggx = Ggx { alpha, masking: Masking::default() };
+            let mut nearest = f64::INFINITY;
+            for _ in 0..40_000 {
+                let [wo, wi] = [(); 2].map(|()| {
+                    let (z, circle) = (f64::from(random.unit()), on_circle(random.unit().into()));
+                    (circle * (1.0 - z * z).sqrt()).extend(z.max(1e-6))
+                });
+                let m = (wo + wi).normalize();
+                let squeezed = ggx.squeezed(wo);
+                let half = DVec3::new(m.x / alpha[0], m.y / alpha[1], m.z).normalize();
+                let above = reflect(squeezed, half).z + ggx.bound(wo) * squeezed.z;
+                assert!(above > -1e-9, "{alpha:?}, {wo}, {wi}: {above}");
+                nearest = nearest.min(above);
+            }
+            assert!(nearest < 2e-3 || alpha[0] != alpha[1], "{alpha:?}: {nearest}");
+        }
+    }
+}

@@ -70,7 +70,7 @@ mod tests {
         for (roughness, degrees) in [(0.3, 0.0), (0.3, 60.0), (0.7, 30.0), (0.7, 85.0), (1.0, 70.0f64)] {
             let wo = DVec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
             let alpha = roughness * roughness;
-            let n = 1000;
+            let n = 500;
             let at = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
             let tests: [&dyn Fn(DVec3) -> f64; 4] =
                 [&|m| m.z, &|m| m.x, &|m| m.y * m.y, &|m| if m.z > 0.95 && m.x > 0.0 { 1.0 } else { 0.0 }];
