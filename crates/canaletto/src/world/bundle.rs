@@ -260,9 +260,9 @@ impl World {
     /// [`World::intersect_batch`], restricted to those of the root's instances for which `counts` returns true.
     pub(super) fn intersect_bundle_with(&self, bundle: &mut RayBundle, counts: impl Fn(u32) -> bool) {
         let RayBundle { rays, t_max, times, nearest, found, buffers, .. } = bundle;
-        let time = |index: usize| times.get(index).copied().unwrap_or(0.0);
         nearest.clear();
-        nearest.extend(t_max.iter().enumerate().map(|(index, &t_max)| Hit::none(t_max, time(index))));
+        nearest.extend(t_max.iter().map(|&t_max| Hit::none(t_max, 0.0)));
+        nearest.iter_mut().zip(&*times).for_each(|(hit, &time)| hit.time = time);
         if !self.unbounded.is_empty() {
             rays.rays.iter().zip(&mut *nearest).for_each(|(ray, best)| self.try_unbounded(ray, best));
         }
