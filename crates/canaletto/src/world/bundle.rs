@@ -28,6 +28,10 @@ const MIN_PACKET_PRIMITIVES: usize = 32;
 /// The fewest rays that form packets.
 const MIN_PACKET_RAYS: usize = 8;
 
+/// The fewest rays that form packets at a mesh. Fewer are scattered rays, or rays at a distant copy among many. Their
+/// triangles differ, and a packet then costs as much as a group of sixteen.
+const MIN_MESH_PACKET_RAYS: usize = 16;
+
 /// A batch of rays of one query, and the results. Neighbouring rays should be nearly parallel.
 #[derive(Debug, Default)]
 pub struct RayBundle {
@@ -353,7 +357,10 @@ impl World {
 impl Geometry {
     /// Whether this many rays go through the geometry's tree in packets.
     fn has_packets_of(&self, rays: &[Ray]) -> bool {
-        matches!(self, Geometry::Mesh { .. }) || rays.len() >= MIN_PACKET_RAYS && self.len() >= MIN_PACKET_PRIMITIVES
+        match self {
+            Geometry::Mesh { .. } => rays.len() >= MIN_MESH_PACKET_RAYS,
+            _ => rays.len() >= MIN_PACKET_RAYS && self.len() >= MIN_PACKET_PRIMITIVES,
+        }
     }
 
     /// [`Geometry::intersect`] for many rays. `found` holds the `t_max` of each ray and takes the results.
