@@ -42,7 +42,7 @@ pub use mesh::Mesh;
 pub use parallelogram::Parallelogram;
 pub use plane::Plane;
 pub use sample::{SurfaceSample, SurfaceSampler};
-pub(crate) use sample::{cumulative, pick_by_area, sample_triangle};
+pub(crate) use sample::{pick_by_area, sample_triangle};
 pub use sphere::Sphere;
 pub use surface::Surface;
 pub use surface_differential::SurfaceDifferential;

@@ -117,7 +117,7 @@ pub(super) fn edges(triangle: &[Vec3; 3]) -> DVec3 {
 }
 
 /// The cumulative sums of areas, or of other weights.
-pub(crate) fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+fn cumulative(areas: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     areas.scan(0.0, |sum, area| {
         *sum += area;
         Some(*sum)

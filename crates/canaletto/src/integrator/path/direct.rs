@@ -5,6 +5,7 @@
 
 use super::emitter::EmitterSample;
 use super::light_sampler::Source;
+use super::light_tree::Receiver;
 use super::trace::Vertex;
 use super::{PathEvent, PathTracer, SampledSource, SourceSample};
 use crate::integrator::Probe;
@@ -110,7 +111,10 @@ impl PathTracer<'_> {
 
     /// A direction to the environment.
     fn sample_environment(&self, vertex: &Vertex, u: [f64; 2], chosen: f64) -> Option<(SourceSample, Ray, f32)> {
-        let (wi, pdf) = self.lights.environment.as_ref()?.sample(u);
+        let (wi, pdf) = {
+            let Receiver { normal, two_sided, .. } = vertex.receiver();
+            self.lights.environment.as_ref()?.sample(normal, two_sided, u)
+        };
         let radiance = self.world.environment.as_ref()?.radiance_without_sun(wi, [DVec3::ZERO; 2]);
         let sample = SourceSample {
             source: SampledSource::Environment,

@@ -74,8 +74,6 @@ pub(super) struct LightSampler {
     far: Vec<(u32, f64)>,
     pub(super) emitters: Emitters,
     pub(super) environment: Option<EnvironmentDistribution>,
-    /// The irradiance by the environment.
-    environment_strength: f64,
     /// The only group, which is chosen without a look at it.
     only_group: Option<usize>,
     /// The only source, too.
@@ -150,7 +148,6 @@ impl LightSampler {
                 SourceTree { tree: LightTree::new(&bounds, falloff, attenuation.is_none()), sources }
             })
             .collect();
-        let environment_strength = environment.as_ref().map_or(0.0, |e| PI * strength(e.mean()));
         let mut counts = [0; GROUPS];
         counts.iter_mut().zip(&trees).for_each(|(count, tree)| *count = tree.sources.len());
         counts[FAR] = far.len();
@@ -162,7 +159,7 @@ impl LightSampler {
             ENVIRONMENT => Source::Environment,
             _ => trees[group].sources[0],
         });
-        LightSampler { trees, far, emitters, environment, environment_strength, only_group, only }
+        LightSampler { trees, far, emitters, environment, only_group, only }
     }
 
     /// The cosine of a light that is infinitely far. `direction` leads to it.
@@ -184,7 +181,8 @@ impl LightSampler {
         }
         let far = |(light, strength): &(u32, f64)| strength * Self::cosine(to, world.lights[*light as usize].towards());
         weights[FAR] = self.far.iter().map(far).sum();
-        weights[ENVIRONMENT] = self.environment_strength;
+        weights[ENVIRONMENT] =
+            self.environment.as_ref().map_or(0.0, |environment| environment.arriving(to.normal, to.two_sided));
         let total: f64 = weights.iter().sum();
         let count = weights.iter().filter(|weight| **weight > 0.0).count() as f64;
         if total.is_nan() || total <= 0.0 || total.is_infinite() {
@@ -255,7 +253,7 @@ impl LightSampler {
     pub(super) fn pdf_of_environment(&self, world: &World, to: &Receiver, direction: DVec3) -> f64 {
         let Some(environment) = &self.environment else { return 0.0 };
         let chosen = if self.only.is_some() { 1.0 } else { self.groups(world, to)[ENVIRONMENT] };
-        environment.pdf(direction) * chosen
+        environment.pdf(to.normal, to.two_sided, direction) * chosen
     }
 
     /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light. None if the

@@ -191,6 +191,16 @@ impl EnvironmentMap {
         self.pages[0].size(level)
     }
 
+    /// The columns and rows of a latitude-longitude image.
+    pub(super) fn panorama_size(&self) -> Option<[usize; 2]> {
+        matches!(self.layout, Layout::Panorama).then(|| self.size_of(0).map(|n| n as usize))
+    }
+
+    /// The number of texels in a row of a face.
+    pub(super) fn side(&self) -> usize {
+        self.size_of(0)[0] as usize
+    }
+
     /// The number of the coarsest level.
     fn last(&self) -> usize {
         self.pages[0].len() - 1

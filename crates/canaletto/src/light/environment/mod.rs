@@ -329,6 +329,29 @@ impl PreparedEnvironment {
         EnvironmentLookup { kind: self.kind_name, direction, local, place, footprint, value, radiance }
     }
 
+    /// The columns and rows of texels of a latitude-longitude image.
+    fn panorama_size(&self) -> Option<[usize; 2]> {
+        match &self.kind {
+            Kind::EnvironmentMap(map) => map.panorama_size(),
+            Kind::Gradient(_) | Kind::Sky(_) => None,
+        }
+    }
+
+    /// The columns and rows of a latitude-longitude grid that tells what the environment tells, within limits.
+    fn resolution(&self) -> [usize; 2] {
+        let [mut columns, mut rows] = match &self.kind {
+            Kind::EnvironmentMap(map) => map.panorama_size().unwrap_or([4 * map.side(), 2 * map.side()]),
+            // It depends on the height alone, so these are the columns of blocks.
+            Kind::Gradient(_) => [8, 1024],
+            Kind::Sky(_) => [512, 256],
+        };
+        (columns, rows) = (columns.max(8), rows.max(8));
+        while columns > 2048 || rows > 1024 {
+            (columns, rows) = (columns.div_ceil(2), rows.div_ceil(2));
+        }
+        [columns, rows]
+    }
+
     /// The radiance in a direction of any length but zero, as [`PreparedEnvironment::lookup`] finds it, without the
     /// sun's disk. The sun's light comes from its light source.
     pub(crate) fn radiance_without_sun(&self, direction: DVec3, footprint: [DVec3; 2]) -> Rgb {

@@ -14,7 +14,6 @@ pub(super) fn uv(direction: DVec3) -> [f64; 2] {
 }
 
 /// The unit direction to (u, v).
-#[cfg(test)]
 pub(super) fn direction([u, v]: [f64; 2]) -> DVec3 {
     let (sin_u, cos_u) = libm::sincos((u - 0.5) * TAU);
     let (sin_v, cos_v) = libm::sincos(v * PI);
