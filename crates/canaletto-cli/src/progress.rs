@@ -114,7 +114,9 @@ impl SolvingEvent {
         let SolvingProgress { phase, patches, links, .. } = *progress;
         let (mut round, mut rounds, mut bounce, mut step, mut unsent) = (None, None, None, None, None);
         match phase {
-            SolvingPhase::Links { round: this, rounds: all } => (round, rounds) = (Some(this), Some(all)),
+            SolvingPhase::Links { round: this, rounds: all } | SolvingPhase::Guiding { round: this, rounds: all } => {
+                (round, rounds) = (Some(this), Some(all));
+            }
             SolvingPhase::Balance { bounce: this } => bounce = Some(this),
             SolvingPhase::Shooting { step: this, unsent: share } => (step, unsent) = (Some(this), Some(share)),
             _ => {}
@@ -124,7 +126,7 @@ impl SolvingEvent {
     }
 }
 
-/// A line about the progress of radiosity, for people.
+/// A line about the progress of radiosity or of path guiding, for people.
 fn solving_words(progress: &SolvingProgress) -> String {
     let SolvingProgress { phase, patches, links, .. } = *progress;
     let (patches, links) = (format!("patches {}", count(patches)), format!("links {}", amount(links)));
@@ -137,6 +139,9 @@ fn solving_words(progress: &SolvingProgress) -> String {
         SolvingPhase::Balance { bounce } => format!("radiosity: {patches}, {links}, bounce {bounce}"),
         SolvingPhase::Shooting { step, unsent } => {
             format!("radiosity: {patches}, step {}, {:.1}% unsent", count(step), unsent * 100.0)
+        }
+        SolvingPhase::Guiding { round, rounds } => {
+            format!("guiding: learning where light comes from, round {round} of {rounds}")
         }
         _ => format!("radiosity: {patches}"),
     }

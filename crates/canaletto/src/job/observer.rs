@@ -90,6 +90,13 @@ pub enum SolvingPhase {
         /// The share of all light that isn't sent yet.
         unsent: f64,
     },
+    /// Paths learn where light comes from.
+    Guiding {
+        /// The number of this round, from 1 on.
+        round: u32,
+        /// The number of all rounds.
+        rounds: u32,
+    },
 }
 
 impl SolvingPhase {
@@ -101,6 +108,7 @@ impl SolvingPhase {
             SolvingPhase::Links { .. } => "links",
             SolvingPhase::Balance { .. } => "balance",
             SolvingPhase::Shooting { .. } => "shooting",
+            SolvingPhase::Guiding { .. } => "guiding",
         }
     }
 }

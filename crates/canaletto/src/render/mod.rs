@@ -3,6 +3,7 @@
 mod aov_probe;
 mod camera_tiles;
 mod features;
+mod guiding;
 mod lattice;
 mod noise;
 mod pixel;
@@ -11,11 +12,12 @@ mod progressive;
 mod tests;
 
 pub use crate::job::{Aov, Job, JobError, Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
+pub(crate) use guiding::prepare_path;
 pub(crate) use pixel::PixelRenderer;
 
 use crate::film::{Picture, SampleBlocks, SampleStatistics, TileBuffer};
 use crate::integrator::radiosity::RadiositySolution;
-use crate::integrator::{Counts, PreparedPath, PreparedRadiosity, TileIntegrator, Zbuffer};
+use crate::integrator::{Counts, PreparedRadiosity, TileIntegrator, Zbuffer};
 use crate::scene::Integrator;
 use crate::world::World;
 use camera_tiles::CameraTiles;
@@ -116,8 +118,10 @@ fn render_given(
     with_stack(stack_of(world, job), || {
         let job = inner;
         if let (Integrator::Path(settings), Ok(())) = (job.integrator, job.passes()) {
-            let integrator = PreparedPath::new(world, settings);
-            return Ok(finished(progressive::render(world, job, &integrator, start, observer)));
+            return Ok(finished(match prepare_path(world, job, settings, observer) {
+                ControlFlow::Continue(integrator) => progressive::render(world, job, &integrator, start, observer),
+                ControlFlow::Break(()) => Rendering::unfinished(world, job),
+            }));
         }
         Ok(finished(match prepare(world, job, solution, observer)? {
             ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
@@ -148,10 +152,8 @@ fn prepare<'w>(
         }
         Integrator::Radiosity(settings) => PreparedRadiosity::new(world, settings, solution.cloned(), observer)?
             .map_continue(|integrator| Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>),
-        Integrator::Path(settings) => {
-            let integrator = PreparedPath::new(world, settings);
-            ControlFlow::Continue(Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>)
-        }
+        Integrator::Path(settings) => prepare_path(world, job, settings, observer)
+            .map_continue(|integrator| Box::new(CameraTiles { world, job, integrator }) as Box<dyn TileIntegrator>),
         Integrator::Zbuffer(settings) => Zbuffer::prepare(world, job, settings, observer)?
             .map_continue(|zbuffer| Box::new(zbuffer) as Box<dyn TileIntegrator>),
     })

@@ -52,9 +52,11 @@ impl Integrator {
                 ("max-patches", max_patches.to_string()),
                 ("light-samples", light_samples.to_string()),
             ],
-            Integrator::Path(PathSettings { max_depth, roulette }) => {
-                vec![("max-depth", max_depth.to_string()), ("roulette", roulette.to_string())]
-            }
+            Integrator::Path(PathSettings { max_depth, roulette, guiding }) => vec![
+                ("max-depth", max_depth.to_string()),
+                ("roulette", roulette.to_string()),
+                ("guiding", guiding.name().into()),
+            ],
         }
     }
 

@@ -20,7 +20,7 @@ pub use integrator::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, 
 pub use node::{Content, Node};
 pub(crate) use object_ids::name_of_unnamed;
 pub use object_ids::{ObjectIds, TooManyObjects};
-pub use path_settings::PathSettings;
+pub use path_settings::{Guiding, PathSettings};
 pub use radiosity::{RadiosityMethod, RadiositySettings, RadiosityShow};
 pub use sparse::{Sparse, Usual};
 

@@ -1,6 +1,6 @@
 //! Settings of path tracing.
 
-use crate::OutOfRange;
+use crate::{OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
 /// Settings of path tracing.
@@ -10,11 +10,33 @@ pub struct PathSettings {
     pub max_depth: u32,
     /// Whether Russian roulette ends paths of small throughput. The picture's mean is the same without it.
     pub roulette: bool,
+    /// Whether paths learn where light comes from before the picture is made. The picture's mean is the same.
+    pub guiding: Guiding,
 }
+
+/// Whether paths are guided to where light was found before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Guiding {
+    /// In scenes where that lowers noise, as far as the first paths tell.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+named!(Guiding {
+    Auto => "auto",
+    On => "on",
+    Off => "off",
+});
 
 impl PathSettings {
     /// The settings of a scene that names none.
-    pub const DEFAULT: PathSettings = PathSettings { max_depth: 0, roulette: true };
+    pub const DEFAULT: PathSettings = PathSettings { max_depth: 0, roulette: true, guiding: Guiding::Auto };
 
     /// Checks that every path ends.
     ///

@@ -6,7 +6,7 @@ use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag, quoted};
 use canaletto::scene::{
-    Integrator, PathSettings, RadiosityMethod, RadiositySettings, RadiosityShow, Shading, ShadowMethod, Stage,
+    Guiding, Integrator, PathSettings, RadiosityMethod, RadiositySettings, RadiosityShow, Shading, ShadowMethod, Stage,
     WhittedSettings, ZbufferSettings,
 };
 use canaletto::{Named, OutOfRange};
@@ -70,13 +70,20 @@ const ROULETTE: Field<bool> =
     Field::new("roulette", "\"path\": whether paths that carry little light are ended at random, without bias")
         .or(|| flag(PathSettings::DEFAULT.roulette));
 
+const GUIDING: Field<Guiding> = Field::word(
+    "guiding",
+    "\"path\": whether paths learn before the picture where light comes from, and go there: \"auto\" where that lowers \
+         noise, \"on\" always, \"off\" never",
+)
+.or(|| quoted(PathSettings::DEFAULT.guiding.name()));
+
 const DEPTH: &[FieldSchema] = &[MAX_DEPTH.schema];
 const WHITTED: &[FieldSchema] = &[MIN_WEIGHT.schema, STAGE.schema];
 const ZBUFFER: &[FieldSchema] = &[SHADING.schema, SHADOW_MAP_SIZE.schema, MULTISAMPLING.schema, TOLERANCE.schema];
 
 const RADIOSITY: &[FieldSchema] = &[METHOD.schema, ERROR.schema, SHOW.schema, MAX_PATCHES.schema, LIGHT_SAMPLES.schema];
 
-const PATH: &[FieldSchema] = &[ROULETTE.schema];
+const PATH: &[FieldSchema] = &[ROULETTE.schema, GUIDING.schema];
 
 pub(crate) static INTEGRATOR: NodeSchema = NodeSchema::new(
     "integrator",
@@ -144,6 +151,7 @@ impl Decoder<'_> {
     fn path(&mut self, fields: &Fields, settings: &mut PathSettings) {
         change(&mut settings.max_depth, fields.get(&MAX_DEPTH));
         change(&mut settings.roulette, fields.flag(&ROULETTE));
+        change(&mut settings.guiding, fields.word(&GUIDING));
         if let Err(wrong) = settings.check() {
             self.out_of_range(fields, &wrong);
         }

@@ -84,7 +84,7 @@ const MORE: &[&str] = &[
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center 0 0 0; radius 1; follow \"p\" { at 0.5; face 1 0 0 } }",
     "integrator \"zbuffer\" { shading \"flat\" }",
     "integrator \"radiosity\" { method \"shooting\"; error 0.1 }",
-    "integrator \"path\" { max-depth 4; roulette #false }",
+    "integrator \"path\" { max-depth 4; roulette #false; guiding \"on\" }",
     "material \"m\" { conductor { eta 1 1 1; k 1 1 1 }; alpha 0.1 }",
     "material \"m\" { dielectric 1.5; absorption 0.1 0.2 0.3 }",
     "material \"m\" { standard { base { weight 1; diffuse-roughness 0 }; specular { weight 1; color 1; anisotropy 0 }; coat { color 1; anisotropy 0; ior 1.6; darkening 1 }; fuzz { roughness 0.5 }; thin-film { ior 1.4 }; transmission { dispersion-scale 0; dispersion-abbe-number 20 }; opacity 1; thin-walled #true; preset \"velvet\" } }",

@@ -11,14 +11,15 @@ use super::tree::Side;
 use super::{ExplainError, MAX_RAYS};
 use crate::film::{BlockMean, SampleBlocks, SampleStatistics, WeightedSum, block_sizes};
 use crate::integrator::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
-use crate::integrator::{PreparedPath, PreparedRayIntegrator, RayIntegrator};
+use crate::integrator::{PreparedRayIntegrator, RayIntegrator};
 use crate::material::Lobe;
 use crate::math::Rgb;
-use crate::render::{Job, PixelRenderer};
+use crate::render::{Job, PixelRenderer, prepare_path};
 use crate::scene::Integrator;
 use crate::world::World;
 use record::PathRecorder;
 use serde::Serialize;
+use std::ops::ControlFlow;
 
 /// A pixel with the paths of its samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -189,6 +190,8 @@ pub enum PathStep {
     Scattered {
         /// The kind of scattering.
         lobe: Lobe,
+        /// Whether the guiding field chose the direction instead of a lobe.
+        is_guided: bool,
         /// The unit direction.
         direction: [f64; 3],
         /// f |cos θ|.
@@ -247,7 +250,9 @@ pub struct SampledNode {
 /// [`ExplainError`] if the job's integrator traces no paths, and if there are too many rays.
 pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<PathTree, ExplainError> {
     let Integrator::Path(settings) = job.integrator else { return Err(ExplainError::NoPaths) };
-    let prepared = PreparedPath::new(world, settings);
+    let ControlFlow::Continue(prepared) = prepare_path(world, job, settings, &()) else {
+        return Err(ExplainError::TooManyRays);
+    };
     let is_too_much = |rays: u64| rays > MAX_RAYS;
     let mut tracer = prepared.worker(world, &is_too_much);
     let mut recorder = PathRecorder::new(world);

@@ -175,7 +175,7 @@ impl Probe for PathRecorder<'_> {
                 self.push(PathStep::Sampled(Box::new(node)));
             }
             PathEvent::Visible(visible) => self.set_visible(visible),
-            PathEvent::Scattered(sample) => {
+            PathEvent::Scattered { sample, guiding } => {
                 self.kind = match sample.lobe {
                     Lobe::Mirror => RayKind::Reflected,
                     Lobe::Refraction => RayKind::Refracted,
@@ -184,6 +184,7 @@ impl Probe for PathRecorder<'_> {
                 self.throughput = (throughput * sample.f * (1.0 / sample.pdf) as f32).saturated();
                 self.push(PathStep::Scattered {
                     lobe: sample.lobe,
+                    is_guided: guiding.is_some_and(|guiding| guiding.is_chosen),
                     direction: sample.wi.to_array(),
                     f: sample.f,
                     pdf: sample.pdf,

@@ -191,10 +191,11 @@ fn write_step(w: &mut TextWriter, step: &PathStep) {
                 write_contribution(w, node.contribution);
             }
         }
-        PathStep::Scattered { lobe, direction, f, pdf, is_delta, throughput } => {
+        PathStep::Scattered { lobe, is_guided, direction, f, pdf, is_delta, throughput } => {
             let density = if *is_delta { "probability" } else { "density" };
             let (f, pdf, direction) = (w.rgb(*f), w.number(*pdf), w.vector(*direction));
-            writeln!(w, "   goes on: {} along {direction}, f cos {f} / {density} {pdf}", name_of_lobe(*lobe));
+            let way = if *is_guided { "guided" } else { name_of_lobe(*lobe) };
+            writeln!(w, "   goes on: {way} along {direction}, f cos {f} / {density} {pdf}");
             writeln!(w, "     throughput {}", w.rgb(*throughput));
         }
         PathStep::Roulette { survival, survived } => {

@@ -73,7 +73,12 @@ pub enum PathEvent<'a> {
     /// The share of the sampled source's light that passes what lies between.
     Visible(Rgb),
     /// The path goes on in a random direction.
-    Scattered(&'a BsdfSample),
+    Scattered {
+        /// The direction, with its density by the guiding field and the surface together.
+        sample: &'a BsdfSample,
+        /// The part of the guiding field, if there is one at the vertex.
+        guiding: Option<GuidedSample>,
+    },
     /// The path survives roulette with this probability, which its throughput is divided by.
     Roulette {
         /// The probability.
@@ -83,6 +88,17 @@ pub enum PathEvent<'a> {
     },
     /// The path ends.
     End(PathEnd),
+}
+
+/// The part of the guiding field in a random direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GuidedSample {
+    /// Whether the field chose the direction. No lobe did then, and that of the sample is diffuse.
+    pub is_chosen: bool,
+    /// The field's density of the direction; 0 of a mirror or a refraction.
+    pub pdf: f64,
+    /// The density by the surface's scattering alone.
+    pub pdf_scattering: f64,
 }
 
 /// What light that a path finds comes from.

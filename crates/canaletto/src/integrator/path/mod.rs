@@ -15,6 +15,7 @@ mod emitter;
 #[cfg(test)]
 mod emitter_tests;
 mod event;
+mod guiding;
 mod light_sampler;
 mod light_tree;
 #[cfg(test)]
@@ -36,7 +37,10 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
-pub use event::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample};
+pub use event::{
+    GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
+};
+pub(crate) use guiding::{Benefit, GuidingField, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use stream::PathStream;
@@ -48,6 +52,8 @@ pub(crate) struct PreparedPath {
     has_media: bool,
     sees_through: bool,
     warnings: Vec<String>,
+    /// Where light comes from, if that was learnt.
+    guide: Option<GuidingField>,
 }
 
 impl PreparedPath {
@@ -71,7 +77,7 @@ impl PreparedPath {
         let has_media = has_media(world);
         let has_no_surface = |material: &Material| material.model.is_index_matched_to_air();
         let sees_through = has_media || in_use().any(|material| material.has_holes() || has_no_surface(material));
-        PreparedPath { settings, lights, has_media, sees_through, warnings }
+        PreparedPath { settings, lights, has_media, sees_through, warnings, guide: None }
     }
 }
 
@@ -84,13 +90,20 @@ impl PreparedPath {
             has_media: has_media(world),
             sees_through: false,
             warnings: Vec::new(),
+            guide: None,
         }
+    }
+
+    /// Guides paths by a field, or no more.
+    pub(crate) fn set_guide(&mut self, guide: Option<GuidingField>) {
+        self.guide = guide;
     }
 }
 
 impl PreparedRayIntegrator for PreparedPath {
     fn preparation_counts(&self) -> Counts {
-        Counts { warnings: self.warnings.clone(), ..Counts::default() }
+        let cells = self.guide.iter().map(|guide| ("guiding cells", guide.cell_count() as u64));
+        Counts { warnings: self.warnings.clone(), others: cells.collect(), ..Counts::default() }
     }
 
     type Worker<'a> = PathTracer<'a>;
@@ -100,6 +113,7 @@ impl PreparedRayIntegrator for PreparedPath {
             world,
             settings: self.settings,
             lights: &self.lights,
+            guide: self.guide.as_ref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
             counts: RayCounts::default(),
@@ -135,6 +149,7 @@ pub(crate) struct PathTracer<'w> {
     world: &'w World,
     settings: PathSettings,
     lights: &'w LightSampler,
+    guide: Option<&'w GuidingField>,
     /// Whether bodies absorb or scatter light.
     has_media: bool,
     /// Whether shadow rays pass surfaces: partial coverage, and boundaries of media.

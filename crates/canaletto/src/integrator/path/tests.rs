@@ -148,7 +148,7 @@ fn still_and_moving_lamps_agree() {
         moving.nodes[2].clone().with_motion([0.0, 1e-9].map(|z| Transform::translate(DVec3::Z * z)).to_vec());
     let (moved, more) = mean(&moving, views, PATH, 1024);
     assert!((mis - moved).abs() <= 3.3 * (error * error + more * more).sqrt(), "{mis} ± {error}, {moved} ± {more}");
-    let long = PathSettings { max_depth: 40, roulette: false };
+    let long = PathSettings { max_depth: 40, roulette: false, ..PATH };
     let (without, more) = mean(&scene(gloss), views, long, 256);
     assert!((mis - without).abs() <= 3.3 * (error * error + more * more).sqrt(), "{mis} ± {error}, {without} ± {more}");
 }

@@ -5,8 +5,9 @@ mod features;
 use super::PathTracer;
 use super::direct::ShadowRay;
 use super::emitter::seen_emission;
+use super::guiding::GuidedVertex;
 use super::light_tree::Receiver;
-use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
+use super::{GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
 use crate::integrator::media::{Crossing, NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
@@ -90,6 +91,8 @@ pub(super) struct Path {
     pub(super) light: Rgb,
     /// The factor of the light that it finds next.
     throughput: Rgb,
+    /// How much more probable its directions were by the guiding field and the surfaces than by the surfaces alone.
+    guided: f32,
     /// The number of surfaces, with the next one.
     depth: u32,
     /// The number of surfaces of partial coverage that it has passed.
@@ -145,6 +148,8 @@ pub(super) struct SurfaceVertex<'a> {
     hit: &'a VisibleHit,
     frame: Frame,
     bsdf: Bsdf,
+    /// Where light comes from, as far as that was learnt.
+    guide: Option<GuidedVertex>,
     /// What a ray into the surface crosses; none at opaque surfaces.
     pub(super) crossing: Option<Crossing>,
 }
@@ -153,6 +158,33 @@ impl SurfaceVertex<'_> {
     /// Whether light passes as if no surface were there.
     pub(super) fn is_index_matched(&self) -> bool {
         matches!(&self.bsdf, Bsdf::Dielectric(dielectric) if dielectric.is_index_matched())
+    }
+
+    /// The density with which the path goes on along `wi`, by the guiding field and by the surface together.
+    fn pdf(&self, wi: DVec3) -> f64 {
+        let own = self.bsdf.pdf(self.frame.wo, wi);
+        let of_both = |guide: &GuidedVertex| guide.probability * guide.pdf(wi) + (1.0 - guide.probability) * own;
+        self.guide.as_ref().map_or(own, of_both)
+    }
+
+    /// A random direction in which the path goes on, and the part of the guiding field in it.
+    fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<(BsdfSample, Option<GuidedSample>)> {
+        let wo = self.frame.wo;
+        let Some(guide) = &self.guide else { return Some((self.bsdf.sample(wo, u_lobe, u)?, None)) };
+        let probability = guide.probability;
+        let is_chosen = u_lobe < probability;
+        let sample = if is_chosen {
+            let wi = guide.sample(u);
+            let (f, pdf) = (self.bsdf.eval(wo, wi), self.bsdf.pdf(wo, wi));
+            BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false }
+        } else {
+            let u_lobe = ((u_lobe - probability) / (1.0 - probability)).min(1.0 - f64::EPSILON);
+            self.bsdf.sample(wo, u_lobe, u)?
+        };
+        let pdf = if sample.is_delta { 0.0 } else { guide.pdf(sample.wi) };
+        let guiding = GuidedSample { is_chosen, pdf, pdf_scattering: sample.pdf };
+        let of_both = BsdfSample { pdf: probability * pdf + (1.0 - probability) * sample.pdf, ..sample };
+        Some((of_both, Some(guiding)))
     }
 }
 
@@ -208,16 +240,16 @@ impl Vertex<'_> {
     /// The density with which the path goes on along `wi`.
     pub(super) fn pdf(&self, wi: DVec3) -> f64 {
         match self {
-            Vertex::Surface(surface) => surface.bsdf.pdf(surface.frame.wo, wi),
+            Vertex::Surface(surface) => surface.pdf(wi),
             Vertex::Medium(medium) => medium.phase.eval(medium.wo, wi),
             Vertex::Meter(meter) => meter.normal.dot(wi).max(0.0) / PI,
         }
     }
 
-    /// A random direction in which the path goes on.
-    fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        match self {
-            Vertex::Surface(surface) => surface.bsdf.sample(surface.frame.wo, u_lobe, u),
+    /// A random direction in which the path goes on, and the part of the guiding field in it.
+    fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<(BsdfSample, Option<GuidedSample>)> {
+        let sample = match self {
+            Vertex::Surface(surface) => return surface.sample(u_lobe, u),
             Vertex::Medium(MediumVertex { wo, phase, .. }) => {
                 let wi = phase.sample(*wo, u);
                 let pdf = phase.eval(*wo, wi);
@@ -231,7 +263,8 @@ impl Vertex<'_> {
                 let f = Rgb::gray(pdf as f32);
                 (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false })
             }
-        }
+        };
+        Some((sample?, None))
     }
 
     /// The `f64` ray that leaves in a direction.
@@ -318,6 +351,7 @@ impl PathTracer<'_> {
             place: Dimension::EYE.of(uses::PATH),
             light: Rgb::BLACK,
             throughput: Rgb::WHITE,
+            guided: 1.0,
             depth: 1,
             passed: 0,
             channel: None,
@@ -455,14 +489,18 @@ impl PathTracer<'_> {
     fn go_on<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Result<(), PathEnd> {
         let (sample, place) = (path.sample, path.place);
         let numbers = sample.one_and_two(place.of(uses::LOBE));
-        let scattered = vertex.sample(numbers.0, numbers.1).ok_or(PathEnd::Absorbed)?;
-        probe.path(PathEvent::Scattered(&scattered));
+        let (scattered, guiding) = vertex.sample(numbers.0, numbers.1).ok_or(PathEnd::Absorbed)?;
+        probe.path(PathEvent::Scattered { sample: &scattered, guiding });
         path.throughput = (path.throughput * scattered.f * (1.0 / scattered.pdf) as f32).saturated();
+        if let Some(guiding) = guiding {
+            path.guided *= (scattered.pdf / guiding.pdf_scattering) as f32;
+        }
         if path.throughput.is_black() || !path.throughput.is_finite() {
             return Err(PathEnd::Absorbed);
         }
         if self.settings.roulette && path.depth > ROULETTE_AFTER {
-            let survival = path.throughput.max_component().min(SURVIVAL);
+            // Guiding makes throughputs small where much light is, and paths there shouldn't end.
+            let survival = (path.throughput.max_component() * path.guided).min(SURVIVAL);
             let survived = sample.one(place.of(uses::ROULETTE)) < f64::from(survival);
             probe.path(PathEvent::Roulette { survival, survived });
             if !survived {
@@ -603,13 +641,15 @@ impl PathTracer<'_> {
         };
         let Frame { normal, facing, outside, .. } = frame;
         let bsdf = described.bsdf(&material, ScatteringFrame { normal, facing, tangent, outside, eta_ratio });
-        SurfaceVertex { hit: met, frame, bsdf, crossing }
+        let opaque = crossing.is_none().then_some(frame.normal);
+        let guide = self.guide.filter(|_| !bsdf.is_delta()).and_then(|field| field.at(frame.exact, opaque));
+        SurfaceVertex { hit: met, frame, bsdf, guide, crossing }
     }
 
     /// The bodies that a ray is in after it leaves a vertex, and the coinciding surface there. None if it goes into a
     /// body of which nothing is known.
     pub(super) fn inside_after(&mut self, vertex: &Vertex, wi: DVec3) -> Option<[u32; 2]> {
-        let SurfaceVertex { hit: met, frame, crossing, bsdf } = match vertex {
+        let SurfaceVertex { hit: met, frame, crossing, bsdf, .. } = match vertex {
             Vertex::Surface(surface) => surface,
             Vertex::Medium(MediumVertex { inside, .. }) | Vertex::Meter(MeterVertex { inside, .. }) => {
                 return Some([*inside, NONE]);
