@@ -16,6 +16,7 @@ mod environment;
 mod figures;
 mod footprints;
 mod grade;
+mod guiding;
 mod limits;
 mod noise;
 mod passes;
