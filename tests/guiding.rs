@@ -75,7 +75,8 @@ fn the_mean_stays_and_noise_shrinks() {
 fn it_is_on_where_it_pays() {
     for (path, expected) in [("tests/scenes/lamp-in-glass.kdl", true), ("scenes/cornell-box.kdl", false)] {
         let mut scene = scene(path);
-        scene.views[0].intrinsics.size = [32, 32];
+        let view = &mut scene.views[0].intrinsics;
+        (view.width, view.height) = (32, 32);
         let world = World::build(scene.clone()).unwrap();
         let rendering = render(&world, &job(&scene, Guiding::Auto, 1, 4), &()).unwrap();
         assert_eq!(is_guided(&rendering), expected, "{path}");

@@ -5,7 +5,7 @@
 //! another point of the cell turns the lobe towards there.
 
 use glam::DVec3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// The number of lobes.
 pub(super) const LOBES: usize = 8;
@@ -280,6 +280,7 @@ fn first_lobes(samples: &[(DVec3, f64, f64)]) -> [Lobe; LOBES] {
 mod tests {
     use super::*;
     use crate::sampler::Sampler;
+    use std::f64::consts::PI;
 
     /// The unit direction at a place of the unit square, which keeps areas.
     fn direction([u, v]: [f64; 2]) -> DVec3 {
