@@ -14,7 +14,7 @@ const ROUNDS: u32 = 4;
 
 /// The paths of the training for each pixel, and the fewest and the most of all.
 const PATHS_PER_PIXEL: u64 = 4;
-const FEWEST_PATHS: u64 = 1 << 14;
+const FEWEST_PATHS: u64 = 1 << 16;
 const MOST_PATHS: u64 = 1 << 19;
 
 /// The number of paths that one thread takes at once.

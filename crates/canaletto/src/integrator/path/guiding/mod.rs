@@ -34,7 +34,7 @@ const FEWEST_BRIGHT: usize = 16;
 const TRAINING_PROBABILITY: f64 = 0.5;
 
 /// The guiding probabilities that a cell can have.
-const PROBABILITIES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
+const PROBABILITIES: [f64; 3] = [0.0, 0.25, 0.5];
 
 /// The density of directions at each point of space.
 #[derive(Debug)]
