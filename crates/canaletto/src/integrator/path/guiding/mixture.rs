@@ -187,7 +187,8 @@ impl LocalMixture {
         }
         let u = (rest / f64::from(self.shares[chosen])).clamp(0.0, 1.0);
         let kappa = f64::from(self.kappas[chosen]);
-        let mean = DVec3::from(self.means.map(|axis| f64::from(axis[chosen]))).normalize();
+        // A lobe times the cosine is even, without a mean direction, if it had led exactly away from the normal.
+        let mean = DVec3::from(self.means.map(|axis| f64::from(axis[chosen]))).try_normalize().unwrap_or(DVec3::Y);
         // The inverse of the cumulative density of the cosine (Jakob 2012).
         let cos = 1.0 + libm::log1p(u * libm::expm1(-2.0 * kappa)) / kappa;
         let cos = cos.clamp(-1.0, 1.0);

@@ -7,6 +7,9 @@ use crate::math::Rgb;
 use crate::world::GeometryProbe;
 use glam::DVec3;
 
+/// The most vertices of a path that tell something, so that long paths don't fill the memory.
+const MOST_VERTICES: usize = 32;
+
 /// What one vertex of a path tells of the light that arrives there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GuidingRecord {
@@ -137,7 +140,7 @@ impl Probe for GuidingRecorder {
             PathEvent::Visible(visible) => self.add(self.sampled.0 * visible, self.sampled.1),
             PathEvent::Scattered { sample, guiding } => {
                 self.throughput = (throughput * sample.f * (1.0 / sample.pdf) as f32).saturated();
-                if let Some(position) = self.position {
+                if let Some(position) = self.position.filter(|_| self.open.len() < MOST_VERTICES) {
                     let unguided = GuidedSample { is_chosen: false, pdf: 0.0, pdf_scattering: sample.pdf };
                     let GuidedSample { pdf: pdf_guide, pdf_scattering, .. } = guiding.unwrap_or(unguided);
                     self.open.push(Open {
