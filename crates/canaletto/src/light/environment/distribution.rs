@@ -1,9 +1,9 @@
 //! Importance sampling of an environment: directions with about the density of its radiance times the cosine at a
 //! surface.
 //!
-//! The radiance is bilinear between the nodes of a grid over (u, v) of a [latitude-longitude image](super::panorama). Its
-//! value at a node is the radiance there times sin θ. For such an image the nodes are its texels, so that the density
-//! follows the image's own interpolation. Columns are sampled by the blended cumulative sums of two rows.
+//! The radiance is bilinear between the nodes of a grid over (u, v) of a [latitude-longitude image](super::panorama).
+//! Its value at a node is the radiance there times sin θ. For such an image the nodes are its texels, so that the
+//! density follows the image's own interpolation. Columns are sampled by the blended cumulative sums of two rows.
 //!
 //! The grid is divided into [`BLOCKS`]. A surface weights each block by the mean cosine of its directions, and the
 //! density within a block is that of the radiance.
@@ -23,7 +23,8 @@ const BLOCK_COLUMNS: usize = 8;
 const BLOCK_ROWS: usize = 4;
 const BLOCKS: usize = BLOCK_COLUMNS * BLOCK_ROWS;
 
-/// The least mean cosine of a block that counts. Light from behind a surface's normal may still count for some materials.
+/// The least mean cosine of a block that counts. Light from behind a surface's normal may still count for some
+/// materials.
 const LEAST_COSINE: f64 = 0.02;
 
 /// The density of directions.
@@ -33,7 +34,8 @@ pub(crate) struct EnvironmentDistribution {
     size: [usize; 2],
     /// The densities at the nodes per unit of (u, v), row by row. Their integral over the unit square is 1.
     nodes: Vec<f32>,
-    /// For each row of nodes the cumulative sums of the means of two neighbours. Column i lies between nodes i and i + 1.
+    /// For each row of nodes the cumulative sums of the means of two neighbours. Column i lies between nodes i and
+    /// i + 1.
     columns: Vec<f64>,
     /// For each column of blocks the cumulative sums of the integrals between two rows of nodes.
     rows: [Vec<f64>; BLOCK_COLUMNS],

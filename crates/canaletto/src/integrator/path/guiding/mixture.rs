@@ -1,5 +1,5 @@
-//! A density of directions, learnt from samples of radiance: a mixture of von Mises–Fisher lobes with distances (Ruppert,
-//! Herholz & Lensch, *Robust Fitting of Parallax-Aware Mixtures for Path Guiding*, 2020).
+//! A density of directions, learnt from samples of radiance: a mixture of von Mises–Fisher lobes with distances
+//! (Ruppert, Herholz & Lensch, *Robust Fitting of Parallax-Aware Mixtures for Path Guiding*, 2020).
 //!
 //! A lobe's density is κ / (2π (1 − e^−2κ)) e^(κ (μ · ω − 1)). Its distance tells where its light comes from, so that
 //! another point of the cell turns the lobe towards there.

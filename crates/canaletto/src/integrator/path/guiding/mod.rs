@@ -1,5 +1,5 @@
-//! Path guiding: paths go where light was found before (Vorba et al., *On-line Learning of Parametric Mixture Models for
-//! Light Transport Simulation*, 2014).
+//! Path guiding: paths go where light was found before (Vorba et al., *On-line Learning of Parametric Mixture Models
+//! for Light Transport Simulation*, 2014).
 //!
 //! A [`GuidingField`] divides the space around surfaces into cells. Each cell has a [`Mixture`], which follows the
 //! radiance that arrives there. A vertex of a path in a cell follows that density with the cell's guiding probability,
@@ -8,8 +8,8 @@
 //! The field is learnt before the picture by paths of their own. It doesn't depend on the picture's samples, which so
 //! stay independent of each other.
 //!
-//! Deviations: Each round makes its cells and mixtures anew from the records of that round, which all lie in memory. The
-//! guiding probability is the one of a few that would have given the records the least second moment.
+//! Deviations: Each round makes its cells and mixtures anew from the records of that round, which all lie in memory.
+//! The guiding probability is the one of a few that would have given the records the least second moment.
 
 mod mixture;
 mod recorder;
@@ -48,8 +48,8 @@ pub(crate) struct GuidingField {
 /// What guiding may bring, as the mean over cells. A cell counts by its records.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Benefit {
-    /// The second moment of the light that a direction brings, over the square of its mean, without guiding. It is large
-    /// where few directions bring light.
+    /// The second moment of the light that a direction brings, over the square of its mean, without guiding. It is
+    /// large where few directions bring light.
     pub(crate) rarity: f64,
     /// The second moment with guiding over that without. It is 1 if the records' paths weren't guided.
     pub(crate) ratio: f64,
