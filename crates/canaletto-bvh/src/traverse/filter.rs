@@ -1,5 +1,5 @@
-//! The traversal of many rays side by side through a tree whose leaves are worth a batch of rays, such as instances:
-//! each node passes on to each child the rays that enter the child's box.
+//! The traversal of many rays side by side through a tree. Each node passes on to each child the rays that enter the
+//! child's box. It is for leaves that are worth a batch of rays, such as instances.
 //!
 //! Stream filtering after Wald, Gribble, Boulos and Kensler, "SIMD ray stream tracing" (2007), with nodes of eight
 //! children as in Tsakok, "Faster incoherent rays: multi-BVH ray stream tracing" (2009). Rays are kept in groups of

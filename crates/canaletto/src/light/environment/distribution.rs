@@ -282,22 +282,24 @@ fn linear(u: f64, [a, b]: [f64; 2]) -> f64 {
 
 /// The radiance at a node: of the texel there, or the mean of four lookups around it that each cover a quarter.
 fn node_radiance(environment: &PreparedEnvironment, [width, rows]: [usize; 2], [column, row]: [usize; 2]) -> [f64; 3] {
-    let look = |x: f64, y: f64, footprint: f64| {
-        let direction = |x: f64, y: f64| {
-            let place = [x / width as f64, (y / rows as f64).clamp(0.0, 1.0)];
-            environment.to_local.inverse().vector(panorama::direction(place)).normalize()
-        };
-        let middle = direction(x, y);
-        let to = [(x + footprint, y), (x, y + footprint)].map(|(x, y)| direction(x, y) - middle);
-        environment.radiance_without_sun(middle, to).to_array().map(f64::from)
+    let to_scene = environment.to_local.inverse();
+    let direction = |x: f64, y: f64| {
+        let place = [x / width as f64, (y / rows as f64).clamp(0.0, 1.0)];
+        to_scene.vector(panorama::direction(place)).normalize()
+    };
+    let look = |middle: DVec3, footprint: [DVec3; 2]| {
+        environment.radiance_without_sun(middle, footprint).to_array().map(f64::from)
     };
     let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
     if environment.panorama_size() == Some([width, rows]) {
-        return look(x, y, 0.0);
+        return look(direction(x, y), [DVec3::ZERO; 2]);
     }
     let mut sum = [0.0; 3];
     for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
-        sum.iter_mut().zip(look(x + dx, y + dy, 0.5)).for_each(|(sum, v)| *sum += v * 0.25);
+        let (x, y) = (x + dx, y + dy);
+        let middle = direction(x, y);
+        let footprint = [direction(x + 0.5, y), direction(x, y + 0.5)].map(|d| d - middle);
+        sum.iter_mut().zip(look(middle, footprint)).for_each(|(sum, v)| *sum += v * 0.25);
     }
     sum
 }
