@@ -6,6 +6,7 @@ mod animation;
 mod area_lights;
 mod book;
 mod bundles;
+mod bytes;
 mod cases;
 mod causes;
 mod chapter;
