@@ -5,7 +5,7 @@ use canaletto::film::Picture;
 use canaletto::render::{Job, render};
 use canaletto::scene::{PathSettings, RadiositySettings, SamplerKind, Sampling, Scene};
 use canaletto::world::World;
-use canaletto_io::assets::FolderAssets;
+use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::text::read_scene;
 use canaletto_tests::assert_same_picture;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
@@ -97,4 +97,50 @@ fn the_unit_of_length_changes_no_bit_of_paths() {
     for scale in [1.0 / 1024.0, 64.0] {
         assert_same_picture(&picture(scale), &picture(1.0), &format!("scale {scale}"));
     }
+}
+
+/// The mean of a picture of this scene text.
+fn mean_of(text: &str, integrator: &str) -> f64 {
+    let text = text.replace("INTEGRATOR", integrator);
+    let scene = read_scene("s.kdl", &MemoryAssets::new().with("s.kdl", text)).unwrap().0;
+    let world = World::build(scene.clone()).unwrap();
+    let job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+    let picture = render(&world, &job, &()).unwrap().picture;
+    let sum: f64 = picture.pixels.iter().flat_map(|color| color.to_array()).map(f64::from).sum();
+    sum / (3.0 * picture.pixels.len() as f64)
+}
+
+/// Of lights that are infinitely far one is chosen, and the mean is that of all of them: l kd cos θ each.
+#[test]
+fn far_lights_are_chosen_by_their_probabilities() {
+    let text = r#"
+        camera { eye 0 4 1; center 0 0 0; fovy 30; size 16 16 }
+        film { samples 1024 }
+        integrator "INTEGRATOR"
+        background 0
+        ambient 0
+        material "floor" { kd 0.5 }
+        plane material="floor" { point 0 0 0; normal 0 1 0 }
+        light "directional" { direction 0.3 -1 0; intensity 0.5 }
+        light "directional" { direction -1 -0.5 0.2; intensity 0.4 }
+        light "directional" { direction 0 -0.2 1; intensity 0.9 }
+    "#;
+    let [path, classic] = ["path", "whitted"].map(|integrator| mean_of(text, integrator));
+    assert!((path / classic - 1.0).abs() < 0.003, "{path}, not {classic}");
+}
+
+/// A lamp whose texture is half black gives half of the light.
+#[test]
+fn a_textured_lamp_lights_by_its_texture() {
+    let text = |texture: &str| {
+        format!(
+            "camera {{ eye 0 1 4; center 0 0 3; fovy 40; size 16 16 }}\nfilm {{ samples 512 }}\nintegrator \"INTEGRATOR\"\n\
+             background 0\nmaterial \"floor\" {{ kd 0.5 }}\nplane material=\"floor\" {{ point 0 0 0; normal 0 1 0 }}\n\
+             texture \"checks\" kind=\"checker\" {{ even 1; odd 0 }}\nmaterial \"lamp\" {{ kd 0; emission 1{texture} }}\n\
+             box material=\"lamp\" {{ min -0.5 2 2.5; max 0.5 2.1 3.5 }}\n"
+        )
+    };
+    let textured = "; texture \"checks\" use=\"emission\" mapping=\"solid\" space=\"object\" { scale 0.05 }";
+    let share = mean_of(&text(textured), "path") / mean_of(&text(""), "path");
+    assert!((share - 0.5).abs() < 0.02, "{share}");
 }

@@ -187,3 +187,56 @@ fn a_choice_leaves_its_points_even() {
     println!("joint {joint:.5}, apart {apart:.5}");
     assert!(joint < 0.6 * apart, "joint {joint}, apart {apart}");
 }
+
+/// Numbers that are drawn together are uniform over their cube, for a fixed sample of many pixels: χ² over 64 cells.
+#[test]
+fn joint_numbers_are_uniform_over_pixels() {
+    for index in [0, 1, 6] {
+        let mut cells = [[0u32; 64]; 3];
+        for i in 0..64_000u32 {
+            let sampler = Sampler::new(2, 0, [i % 320, i / 320]);
+            let (w, [u, v]) = sampler.sample(index, 16).one_and_two(Dimension::EYE.of(4));
+            let [a, b, c, d] = sampler.four(Dimension::EYE.of(4), index);
+            let cube = |p: [f64; 3]| p.iter().fold(0, |cell, x| cell * 4 + (x * 4.0) as usize);
+            for (cells, p) in cells.iter_mut().zip([[u, v, w], [a, b, c], [b, c, d]]) {
+                cells[cube(p)] += 1;
+            }
+        }
+        for (which, cells) in cells.iter().enumerate() {
+            let chi2: f64 = cells.iter().map(|&n| (f64::from(n) - 1000.0).powi(2) / 1000.0).sum();
+            assert!(chi2 < 115.0, "sample {index}, {which}: {chi2}");
+        }
+    }
+}
+
+/// Two uses go through their points in orders of their own. In one order, the numbers of two uses would fill 16 of
+/// these 256 cells; independent ones fill 63 %.
+#[test]
+fn uses_have_orders_of_their_own() {
+    for kind in KINDS {
+        let mut filled = 0;
+        for pixel in 0..20 {
+            let mut cells = [false; 256];
+            for index in 0..256 {
+                let sample = Sampler::new(8, 0, [pixel, 1]).of_kind(kind).sample(index, 256);
+                let [a, b] = [0, 1].map(|n| sample.two(Dimension::EYE.of(n))[0]);
+                cells[(a * 16.0) as usize * 16 + (b * 16.0) as usize] = true;
+            }
+            filled += cells.iter().filter(|cell| **cell).count();
+        }
+        let share = f64::from(filled as u32) / (20.0 * 256.0);
+        assert!((0.55..0.75).contains(&share), "{kind:?}: {share}");
+    }
+}
+
+/// The numbers stay what they are, so that pictures keep their bytes.
+#[test]
+fn numbers_stay_what_they_are() {
+    let sampler = Sampler::new(7, 3, [11, 5]);
+    let sample = sampler.sample(9, 64);
+    let (w, [u, v]) = sample.one_and_two(Dimension::EYE.of(2));
+    let [a, b] = sample.two(Dimension::EYE.of(1));
+    let all = [w, u, v, a, b, sample.one(Dimension::EYE)].into_iter().chain(sampler.four(Dimension::EYE, 9));
+    let digits: Vec<u32> = all.map(|number| (number * 65536.0) as u32).collect();
+    assert_eq!(digits, [49277, 13269, 40290, 46187, 14365, 10369, 11581, 37944, 26812, 65]);
+}

@@ -145,7 +145,7 @@ impl LightSampler {
             .into_iter()
             .map(|TreeGroup { attenuation, sources, bounds }| {
                 let falloff = Falloff(attenuation.unwrap_or([0.0, 0.0, 1.0]));
-                SourceTree { tree: LightTree::new(&bounds, falloff, attenuation.is_none()), sources }
+                SourceTree { tree: LightTree::new(&bounds, falloff, attenuation.is_none(), radius), sources }
             })
             .collect();
         let mut counts = [0; GROUPS];

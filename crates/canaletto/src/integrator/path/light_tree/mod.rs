@@ -104,12 +104,13 @@ struct Local {
 }
 
 impl LightTree {
-    /// The tree over these lights, of which each has an intensity above 0.
-    pub(super) fn new(lights: &[ClusterBounds], falloff: Falloff, by_cosine: bool) -> LightTree {
+    /// The tree over these lights, of which each has an intensity above 0. `radius` is that of the scene, the unit of
+    /// a tree without an extent.
+    pub(super) fn new(lights: &[ClusterBounds], falloff: Falloff, by_cosine: bool, radius: f64) -> LightTree {
         let binary = build(lights);
         let whole = binary.last().map_or(ClusterBounds::NONE, |root| root.bounds);
         let extent = 0.5 * (whole.max - whole.min).length();
-        let extent = if extent > 0.0 && extent.is_finite() { extent } else { 1.0 };
+        let extent = [extent, radius].into_iter().find(|size| *size > 0.0 && size.is_finite()).unwrap_or(1.0);
         let [c, l, q] = falloff.0.map(f64::from);
         let falloff = [c, l * extent, q * extent * extent];
         let at_one: f64 = falloff.iter().sum();

@@ -52,7 +52,7 @@ fn lights_are_chosen_by_their_probabilities() {
         for (falloff, by_cosine) in
             [(INVERSE_SQUARE, true), (Falloff([1.0, 0.0, 0.0]), false), (Falloff([1.0, 0.2, 0.1]), true)]
         {
-            let tree = LightTree::new(&lights, falloff, by_cosine);
+            let tree = LightTree::new(&lights, falloff, by_cosine, 1.0);
             for _ in 0..4 {
                 let receiver = receiver(&mut random);
                 let probabilities: Vec<f64> =
@@ -110,7 +110,7 @@ fn few_lamps_are_chosen_by_the_light_that_arrives() {
             })
             .collect();
         for by_cosine in [true, false] {
-            let tree = LightTree::new(&lights, INVERSE_SQUARE, by_cosine);
+            let tree = LightTree::new(&lights, INVERSE_SQUARE, by_cosine, 1.0);
             let to = receiver(&mut random);
             let lit = |light: &ClusterBounds| {
                 let faces = -light.normals.axis.dot(light.center() - to.point) > 0.0;
@@ -132,7 +132,7 @@ fn few_lamps_are_chosen_by_the_light_that_arrives() {
 fn no_light_is_left_out() {
     let mut random = Random(33);
     let lights = lamps(&mut random, 300);
-    let tree = LightTree::new(&lights, INVERSE_SQUARE, true);
+    let tree = LightTree::new(&lights, INVERSE_SQUARE, true, 1.0);
     for i in 0..300 {
         let near = &lights[i];
         let point = near.center() + vector(&mut random) * [0.0, 0.01, 0.3][i % 3];
@@ -200,13 +200,13 @@ fn every_arrangement_makes_a_tree() {
         }];
     for at in arrangements {
         let lights: Vec<ClusterBounds> = (0..900).map(|i| point(at(i))).collect();
-        let tree = LightTree::new(&lights, INVERSE_SQUARE, false);
+        let tree = LightTree::new(&lights, INVERSE_SQUARE, false, 1.0);
         let to = Receiver { point: DVec3::new(0.3, 0.4, 5.0), normal: DVec3::NEG_Z, two_sided: false };
         let total: f64 = (0..900).map(|light| tree.probability(&to, light)).sum();
         assert!((total - 1.0).abs() < 1e-9, "{total}");
         assert!(tree.nodes.len() < 900 * 2 / 3, "{} nodes", tree.nodes.len());
     }
-    let nothing = LightTree::new(&[], INVERSE_SQUARE, true);
+    let nothing = LightTree::new(&[], INVERSE_SQUARE, true, 1.0);
     assert_eq!(nothing.sample(&receiver(&mut Random(1)), 0.5), None);
 }
 
@@ -224,14 +224,39 @@ fn the_unit_of_length_changes_no_probability() {
         };
         lights.iter().map(scaled).collect()
     };
-    let tree = LightTree::new(&lights, INVERSE_SQUARE, true);
+    let tree = LightTree::new(&lights, INVERSE_SQUARE, true, 1.0);
     for scale in [2f64.powi(-40), 2f64.powi(30)] {
-        let other = LightTree::new(&scaled(scale), INVERSE_SQUARE, true);
+        let other = LightTree::new(&scaled(scale), INVERSE_SQUARE, true, 1.0);
         for _ in 0..100 {
             let (to, u) = (receiver(&mut random), f64::from(random.unit()));
             let there = Receiver { point: to.point * scale, ..to };
             assert_eq!(tree.sample(&to, u), other.sample(&there, u));
             assert_eq!(tree.importance(&to), other.importance(&there));
+        }
+    }
+}
+
+/// So it is for a single point, whose falloff is by its scene's size.
+#[test]
+fn the_unit_of_length_changes_no_importance_of_one_point() {
+    let light = |scale: f64| ClusterBounds {
+        min: DVec3::splat(0.3 * scale),
+        max: DVec3::splat(0.3 * scale),
+        normals: NormalCone::ALL,
+        emission_angle: PI,
+        two_sided: false,
+        intensity: 2.0,
+    };
+    let tree = |scale: f64| {
+        let (linear, square) = ((0.2 / scale) as f32, (0.1 / (scale * scale)) as f32);
+        LightTree::new(&[light(scale)], Falloff([0.3, linear, square]), false, 5.0 * scale)
+    };
+    let mut random = Random(35);
+    for scale in [2f64.powi(-20), 2.0, 2f64.powi(15)] {
+        for _ in 0..100 {
+            let to = receiver(&mut random);
+            let there = Receiver { point: to.point * scale, ..to };
+            assert_eq!(tree(1.0).importance(&to), tree(scale).importance(&there));
         }
     }
 }
