@@ -187,9 +187,13 @@ pub(crate) fn told(denoised: &DenoisedPicture, time: Duration) -> String {
     let percent = |share: f64| format!("{:.0}%", share * 100.0);
     let filters: Vec<String> =
         denoised.filters.iter().map(|(name, share)| format!("{name} {}", percent(*share))).collect();
+    let lost = match denoised.lost_light {
+        0.0 => String::new(),
+        share => format!(", but for {:.2}% that would show", share * 100.0),
+    };
     let outliers = match denoised.outlier_light {
         0.0 => String::new(),
-        share => format!("; {:.2}% of the light was in outliers and is spread around them", share * 100.0),
+        share => format!("; {:.2}% of the light was in outliers and is spread around them{lost}", share * 100.0),
     };
     format!("denoised in {}: {}{outliers}", duration(time), filters.join(", "))
 }

@@ -16,10 +16,11 @@ use rayon::prelude::*;
 const LEVELS: u32 = 5;
 /// The cubic B-spline's weights at distances 0, 1 and 2.
 const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
-/// Tolerances: of light in standard deviations, of normals, of nearness in units of its value.
+/// Tolerances: of light in standard deviations, of normals, of nearness in units of its value, of the albedo's root.
 const LIGHT: f32 = 2.0;
 const NORMAL: f32 = 0.25;
 const NEARNESS: f32 = 0.02;
+const ALBEDO: f32 = 0.15;
 /// The ratio of the variance of pixels to the one that the first pass takes for the means of 3 × 3. It is less than 9,
 /// since fireflies leave a mean with more.
 const FIRST_VARIANCE_RATIO: f32 = 2.0;
@@ -114,6 +115,7 @@ impl Kernel for RowPass<'_> {
             let (light_p, spread_p, near_p) = (at(light), at(spread), at(&features.nearness));
             let (normal_p, slope_p) =
                 ([0, 1, 2].map(|c| at(&features.normal[c])), [0, 1].map(|c| at(&features.slope[c])));
+            let root_p = [0, 1, 2].map(|c| at(&features.root[c]));
             let mut sums = [[0.0; LANES]; 5];
             for dy in -2i32..=2 {
                 for dx in -2i32..=2 {
@@ -125,6 +127,7 @@ impl Kernel for RowPass<'_> {
                     let spline = SPLINE[dx.unsigned_abs() as usize] * SPLINE[dy.unsigned_abs() as usize];
                     let (light_q, near_q, inside_q) =
                         (load(light, q), load(&features.nearness, q), load(&features.inside, q));
+                    let root_q = [0, 1, 2].map(|c| load(&features.root[c], q));
                     let normal_q = [0, 1, 2].map(|c| load(&features.normal[c], q));
                     let values =
                         [&half.color[0], &half.color[1], &half.color[2], &half.variance].map(|plane| load(plane, q));
@@ -134,10 +137,12 @@ impl Kernel for RowPass<'_> {
                             light * light / (LIGHT * LIGHT * spread_p[i] + 1e-12 * light_p[i] * light_p[i] + 1e-30);
                         let n = [0, 1, 2].map(|c: usize| normal_p[c][i] - normal_q[c][i]);
                         e += (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) * (1.0 / (NORMAL * NORMAL));
+                        let a = [0, 1, 2].map(|c: usize| root_p[c][i] - root_q[c][i]);
+                        e += (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) * (1.0 / (ALBEDO * ALBEDO));
                         let slope = slope_p[0][i] * reach[0] as f32 + slope_p[1][i] * reach[1] as f32;
                         let depth = near_p[i] + slope - near_q[i];
-                        let tolerance = NEARNESS * near_p[i] + 0.5 * slope.abs() + 1e-9;
-                        e += depth * depth / (tolerance * tolerance);
+                        let near = NEARNESS * near_p[i] + 0.5 * slope.abs() + 1e-9;
+                        e += depth * depth / (near * near);
                         let w = spline * falloff(e) * inside_q[i];
                         sums[0][i] += w * values[0][i];
                         sums[1][i] += w * values[1][i];

@@ -9,12 +9,13 @@ pub(super) struct Candidate {
 }
 
 /// The radius of the squares over which estimates are averaged.
-const RADIUS: usize = 5;
+const RADIUS: usize = 3;
 
 /// A filter has to be better than the first candidate, the noisy picture, by this share of its error.
 const DOUBT: f32 = 0.1;
 
-/// The mean of the halves with the least error at each pixel. `light` are the halves before filtering.
+/// The mean of the halves with the least error at each pixel. `light` are the halves before filtering. `weight` is
+/// what a square error counts. `direct` marks pixels that stay as they are, and have no part in the estimates.
 ///
 /// A half B is the true light plus noise that a filtered half F of A has no part in. (F − B)² is therefore the error of
 /// F and the variance of B. With the variance (A − B)²/2 of each half and (F − F')²/2 of each filtered half, the error
@@ -23,6 +24,8 @@ pub(super) fn choose(
     light: &[ColorPlanes; 2],
     candidates: &[Candidate],
     scale: &ColorPlanes,
+    weight: &Plane,
+    direct: &Plane,
 ) -> (ColorPlanes, Vec<f64>) {
     let size = light[0][0].size;
     let excess: Vec<Plane> = candidates
@@ -40,7 +43,7 @@ pub(super) fn choose(
                         - 0.25 * (fa - fb) * (fa - fb);
                     sum += error;
                 }
-                sum
+                sum * weight.at(x, y) * (1.0 - direct.at(x, y))
             });
             plane.box_mean(RADIUS).box_mean(RADIUS)
         })
@@ -55,7 +58,12 @@ pub(super) fn choose(
         .map(|i| {
             let mut share = Plane::new(size);
             share.fill(|x, y| if best.at(x, y) == i as f32 { 1.0 } else { 0.0 });
-            share.box_mean(2)
+            let mut smooth = share.box_mean(2);
+            if candidates.len() > 1 {
+                let (own, kept) = (smooth.clone(), if i == 0 { 1.0 } else { 0.0 });
+                smooth.fill(|x, y| if direct.at(x, y) > 0.0 { kept } else { own.at(x, y) });
+            }
+            smooth
         })
         .collect();
     let chosen = [0, 1, 2].map(|c| {

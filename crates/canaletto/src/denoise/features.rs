@@ -7,6 +7,8 @@ use super::plane::Plane;
 pub(super) struct FeaturePlanes {
     pub(super) normal: [Plane; 3],
     pub(super) albedo: [Plane; 3],
+    /// The square root of the albedo, whose differences tell lamps from what is dark around them.
+    pub(super) root: [Plane; 3],
     /// The inverse of the depth, which is linear across a plane's picture; 0 for the background. The mean is 1.
     pub(super) nearness: Plane,
     /// The derivative of `nearness` to the right and downwards, the smaller one of both sides.
@@ -65,7 +67,11 @@ impl FeaturePlanes {
                 }
             });
         }
-        FeaturePlanes { normal, albedo, nearness, slope, inside: Plane::of(size, |_| 1.0) }
+        let root = albedo.clone().map(|mut plane| {
+            plane.values.iter_mut().for_each(|v| *v = v.max(0.0).sqrt());
+            plane
+        });
+        FeaturePlanes { normal, albedo, root, nearness, slope, inside: Plane::of(size, |_| 1.0) }
     }
 }
 

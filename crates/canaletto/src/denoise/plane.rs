@@ -5,6 +5,9 @@ use rayon::prelude::*;
 /// The width of the margin on each side. No filter reaches farther.
 pub(super) const MARGIN: usize = 32;
 
+/// Sums of a larger radius run on. What was large in a running sum leaves a rest, so small ones don't.
+const MOST_SUMMED: usize = 4;
+
 /// One number for each pixel of a picture and of the margin around it.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
@@ -78,18 +81,31 @@ impl Plane {
         self
     }
 
+    /// The sums over squares of side 2 `radius` + 1, of the pixels inside the picture.
+    pub(super) fn box_sum(&self, radius: usize) -> Plane {
+        self.summed(radius, |_| 1.0)
+    }
+
     /// The means over squares of side 2 `radius` + 1, of the pixels inside the picture.
     pub(super) fn box_mean(&self, radius: usize) -> Plane {
+        self.summed(radius, |count| 1.0 / count as f32)
+    }
+
+    /// Sums along rows and then columns, each scaled by a function of the number of pixels.
+    fn summed(&self, radius: usize, scale: impl Fn(usize) -> f32 + Sync) -> Plane {
+        if radius > MOST_SUMMED {
+            return self.running(radius, scale);
+        }
         let [width, height] = self.size;
         let mut across = Plane::new(self.size);
         across.fill(|x, y| {
             let (low, high) = (x.saturating_sub(radius), (x + radius).min(width - 1));
             let start = self.index(low, y);
             let part = &self.values[start..start + high - low + 1];
-            part.iter().sum::<f32>() / part.len() as f32
+            part.iter().sum::<f32>() * scale(part.len())
         });
-        let mut mean = Plane::new(self.size);
-        let rows = mean.values.par_chunks_mut(self.stride).skip(MARGIN).take(height).enumerate();
+        let mut sum = Plane::new(self.size);
+        let rows = sum.values.par_chunks_mut(self.stride).skip(MARGIN).take(height).enumerate();
         rows.for_each(|(y, row)| {
             let (low, high) = (y.saturating_sub(radius), (y + radius).min(height - 1));
             for from in low..=high {
@@ -97,10 +113,49 @@ impl Plane {
                 let values = &across.values[start..start + width];
                 row[MARGIN..MARGIN + width].iter_mut().zip(values).for_each(|(v, add)| *v += add);
             }
-            let scale = 1.0 / (high - low + 1) as f32;
+            let scale = scale(high - low + 1);
             row[MARGIN..MARGIN + width].iter_mut().for_each(|v| *v *= scale);
         });
-        mean
+        sum
+    }
+
+    /// [`Plane::summed`] for a large radius: sums that run on in f64.
+    fn running(&self, radius: usize, scale: impl Fn(usize) -> f32 + Sync) -> Plane {
+        let [width, height] = self.size;
+        let mut across = Plane::new(self.size);
+        let rows = across.values.par_chunks_mut(self.stride).skip(MARGIN).take(height).enumerate();
+        rows.for_each(|(y, row)| {
+            let values = &self.values[self.index(0, y)..][..width];
+            let mut sum: f64 = values[..radius.min(width)].iter().map(|v| f64::from(*v)).sum();
+            for (x, out) in row[MARGIN..MARGIN + width].iter_mut().enumerate() {
+                if x + radius < width {
+                    sum += f64::from(values[x + radius]);
+                }
+                if x > radius {
+                    sum -= f64::from(values[x - radius - 1]);
+                }
+                *out = sum as f32 * scale((x + radius).min(width - 1) - x.saturating_sub(radius) + 1);
+            }
+        });
+        let mut sums = vec![0.0f64; width];
+        let mut down = Plane::new(self.size);
+        let add = |sums: &mut [f64], y: usize, sign: f64| {
+            let values = &across.values[across.index(0, y)..][..width];
+            sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += sign * f64::from(*v));
+        };
+        (0..radius.min(height)).for_each(|y| add(&mut sums, y, 1.0));
+        for y in 0..height {
+            if y + radius < height {
+                add(&mut sums, y + radius, 1.0);
+            }
+            if y > radius {
+                add(&mut sums, y - radius - 1, -1.0);
+            }
+            let scale = scale((y + radius).min(height - 1) - y.saturating_sub(radius) + 1);
+            let start = down.index(0, y);
+            down.values[start..start + width].iter_mut().zip(&sums).for_each(|(v, sum)| *v = *sum as f32 * scale);
+        }
+        down
     }
 }
 

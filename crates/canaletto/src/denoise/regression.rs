@@ -170,7 +170,7 @@ impl Kernel for Distances<'_> {
                 for i in 0..across {
                     let difference = p[i] - q[i];
                     let both = vp[i] + if vq[i] < vp[i] { vq[i] } else { vp[i] };
-                    let spread = TOLERANCE * (vp[i] + vq[i]) + 1e-10 + 1e-6 * p[i] * p[i];
+                    let spread = TOLERANCE * both + 1e-10 + 1e-6 * p[i] * p[i];
                     out[i] += (difference * difference - both) / spread;
                 }
             }

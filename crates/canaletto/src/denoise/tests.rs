@@ -122,7 +122,7 @@ fn errors_fall_at_any_number_of_samples() {
             for quality in [DenoiseQuality::Fast, DenoiseQuality::Good] {
                 let gain = truth.error(&picture.color) / truth.error(&denoised(&picture, quality).color);
                 println!("{noise:?} {samples} {quality:?}: {gain:.2}");
-                let least = if samples <= 64 { 4.0 } else { 1.0 };
+                let least = if samples <= 64 { 3.0 } else { 1.0 };
                 assert!(gain >= least, "{noise:?}, {samples} samples, {quality:?}: {gain}");
             }
         }
@@ -159,8 +159,9 @@ fn the_light_of_outliers_is_reported() {
     let expected = 1500.0 / (before + 1500.0);
     assert!((result.outlier_light - expected).abs() < 0.05 * expected, "{}, not {expected}", result.outlier_light);
     let after = total(&result.color) / (before + 1500.0);
-    // It is spread over surfaces of other albedos.
-    assert!((after - 1.0).abs() < 0.25, "{after}");
+    // A half met twice the light. What is kept and what is lost are all of it.
+    let sum = after + result.lost_light;
+    assert!((sum - 1.0).abs() < 0.02, "{after} + {}", result.lost_light);
 }
 
 /// Equal bits for any number of threads, for light and depth in any power of two, and for mirrored pictures of one row.
@@ -204,6 +205,159 @@ fn odd_pictures_are_denoised() {
         a[200] = Rgb::gray(f32::INFINITY);
     }
     assert!(denoised(&broken, DenoiseQuality::Good).color.iter().all(|c| c.is_finite()));
+}
+
+/// A plane of the mean `light` with even noise.
+fn noisy_plane(size: [usize; 2], seed: u64, light: impl Fn(usize, usize) -> f32 + Sync) -> Plane {
+    let mut numbers = Numbers(seed);
+    let noise: Vec<f32> = (0..size[0] * size[1]).map(|_| 2.0 * numbers.next()).collect();
+    Plane::of(size, |i| light(i % size[0], i / size[0]) * noise[i])
+}
+
+fn flat_features(size: [usize; 2], normal: &[[f32; 3]]) -> FeaturePlanes {
+    let n = size[0] * size[1];
+    FeaturePlanes::new(size, Some(normal), Some(&vec![[0.5; 3]; n]), Some(&vec![1.0; n]))
+}
+
+fn picture_mean(plane: &Plane, of: impl Fn(usize, usize) -> bool) -> f64 {
+    let [width, height] = plane.size;
+    let places = (0..width * height).map(|i| (i % width, i / width)).filter(|&(x, y)| of(x, y));
+    let (sum, count) = places.fold((0.0, 0), |(sum, count), (x, y)| (sum + f64::from(plane.at(x, y)), count + 1));
+    sum / f64::from(count)
+}
+
+/// An outlier's light is all there, seen nowhere, and in proportion to the light that was there.
+#[test]
+fn the_light_of_an_outlier_is_spread_and_unseen() {
+    let size = [90, 60];
+    let takers = [0, 1, 2].map(|_| Plane::of(size, |i| if i % 90 < 45 { 1.0 } else { 0.01 }));
+    for (removed, is_lost) in [(0.5, false), (20.0, false), (1000.0, true)] {
+        let outlier = [0, 1, 2].map(|_| Plane::of(size, |i| if i == 30 * 90 + 40 { removed } else { 0.0 }));
+        let (spread, lost) = spread_outliers(&outlier, &takers);
+        let total = |plane: &Plane| picture_mean(plane, |_, _| true) * (90 * 60) as f64;
+        let kept: f64 = spread.iter().map(total).sum();
+        assert!((kept + lost - 3.0 * f64::from(removed)).abs() < 1e-3 * f64::from(removed), "{kept} + {lost}");
+        assert_eq!(lost > 0.0, is_lost, "{removed}: {lost}");
+        for (add, taker) in spread[0].values.iter().zip(&takers[0].values) {
+            assert!(*add <= 0.0201 * taker, "{removed}: {add} on {taker}");
+        }
+    }
+}
+
+/// A firefly is lowered to what is around it; a lamp that one half missed stays.
+#[test]
+fn outliers_are_lowered_and_lamps_stay() {
+    let size = [9, 9];
+    let half = |firefly: f32| [0, 1, 2].map(|_| Plane::of(size, |i| if i == 40 { firefly } else { 1.0 }));
+    for (albedo, expected) in [(0.5, 1.5), (1.0, 100.0)] {
+        let albedo: Vec<[f32; 3]> = (0..81).map(|i| [if i == 40 { albedo } else { 0.5 }; 3]).collect();
+        let features = FeaturePlanes::new(size, None, Some(&albedo), None);
+        let (lowered, removed) = lower_outliers(&half(100.0), &half(1.0), &features);
+        assert!((lowered[0].at(4, 4) - expected).abs() < 1e-4, "{}", lowered[0].at(4, 4));
+        assert!((removed - 3.0 * f64::from(100.0 - expected)).abs() < 1e-3, "{removed}");
+        // The other half confirms what it met, too.
+        let (confirmed, _) = lower_outliers(&half(100.0), &half(80.0), &features);
+        assert_eq!(confirmed[0].at(4, 4), 100.0);
+    }
+}
+
+/// The variance of uniform numbers from 0 to 2 is 1/3, and that of one surface says nothing of another.
+#[test]
+fn variances_are_those_of_halves_and_keep_to_surfaces() {
+    let size = [64, 48];
+    let light = |x: usize, _: usize| if x < 32 { 1.0 } else { 0.1 };
+    let (a, b) = (noisy_plane(size, 1, light), noisy_plane(size, 2, light));
+    let normal: Vec<[f32; 3]> =
+        (0..64 * 48).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }).collect();
+    let [variance] = averaged(&[half_variance(&a, &b)], &flat_features(size, &normal));
+    let (left, right) = (picture_mean(&variance, |x, _| x < 32), picture_mean(&variance, |x, _| x == 32));
+    assert!((left - 1.0 / 3.0).abs() < 0.03, "{left}");
+    assert!((right - 0.01 / 3.0).abs() < 0.001, "{right}");
+}
+
+/// Wavelets keep an edge between two normals that the noise hides.
+#[test]
+fn wavelets_keep_edges_of_normals() {
+    let size = [64, 48];
+    let light = |x: usize, _: usize| if x < 32 { 1.0 } else { 0.7 };
+    let normal: Vec<[f32; 3]> =
+        (0..64 * 48).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }).collect();
+    let half = |seed| {
+        let plane = noisy_plane(size, seed, light);
+        let variance = Plane::of(size, |i| light(i % 64, 0).powi(2) / 3.0);
+        Half { color: [0, 1, 2].map(|_| plane.clone()), variance }
+    };
+    let [filtered, _] = atrous([half(1), half(2)], &flat_features(size, &normal), false);
+    let step = picture_mean(&filtered[0], |x, _| x == 31) - picture_mean(&filtered[0], |x, _| x == 32);
+    assert!((step - 0.3).abs() < 0.08, "{step}");
+}
+
+/// Of two filters the better one is chosen, and the noisy picture before a bad one.
+#[test]
+fn the_filter_of_the_least_error_is_chosen() {
+    let size = [48, 40];
+    let color = |plane: Plane| [0, 1, 2].map(|_| plane.clone());
+    let light = [1, 2].map(|seed| color(noisy_plane(size, seed, |_, _| 1.0)));
+    let (one, none) = (color(Plane::of(size, |_| 1.0)), Plane::new(size));
+    let candidate = |value: f32| Candidate { halves: [0, 1].map(|_| color(Plane::of(size, |_| value))) };
+    let noisy = || Candidate { halves: light.clone() };
+    let (_, shares) = choose(&light, &[noisy(), candidate(1.3), candidate(1.05)], &one, &one[0], &none);
+    assert!(shares[2] > 0.9, "{shares:?}");
+    let (_, shares) = choose(&light, &[noisy(), candidate(3.0)], &one, &one[0], &none);
+    assert!(shares[0] > 0.9, "{shares:?}");
+    // Pixels that are seen directly stay.
+    let (_, shares) = choose(&light, &[noisy(), candidate(1.0)], &one, &one[0], &one[0]);
+    assert!(shares[0] > 0.999, "{shares:?}");
+}
+
+/// A texture finer than any filter is no noise, in a picture wider than high.
+#[test]
+fn fine_textures_stay_in_a_wide_picture() {
+    let [width, height] = [72, 40];
+    let mut numbers = Numbers(5);
+    let n = width * height;
+    let albedo: Vec<[f32; 3]> = (0..n).map(|_| [0.4 + 0.2 * numbers.next(), 0.4 + 0.2 * numbers.next(), 0.5]).collect();
+    let truth: Vec<Rgb> = (0..n)
+        .map(|i| Rgb::from(albedo[i]) * (if i % width < 20 { 0.3 } else { 1.0 } + 0.3 * (i / width) as f32 / 40.0))
+        .collect();
+    let mut half = || -> Vec<Rgb> { truth.iter().map(|c| *c * (0.8 + 0.4 * numbers.next())).collect() };
+    let halves = [half(), half()];
+    let picture = NoisyPicture {
+        width: width as u32,
+        height: height as u32,
+        color: halves[0].iter().zip(&halves[1]).map(|(a, b)| (*a + *b) * 0.5).collect(),
+        halves: Some(halves),
+        albedo: Some(albedo),
+        normal: Some((0..n).map(|i| if i % width < 20 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }).collect()),
+        depth: Some((0..n).map(|i| if i % width < 20 { 5.0 } else { 3.0 }).collect()),
+    };
+    let square = |c: Rgb| f64::from(c.r * c.r + c.g * c.g + c.b * c.b);
+    let error = |colors: &[Rgb]| truth.iter().zip(colors).map(|(a, b)| square(*a - *b)).sum::<f64>();
+    for quality in [DenoiseQuality::Fast, DenoiseQuality::Good] {
+        let gain = error(&picture.color) / error(&denoised(&picture, quality).color);
+        println!("{quality:?}: {gain}");
+        assert!(gain > 15.0, "{quality:?}: {gain}");
+    }
+}
+
+/// Running sums are those of the values.
+#[test]
+fn large_boxes_sum_what_small_ones_do() {
+    let plane = noisy_plane([23, 70], 3, |x, y| (x + y) as f32);
+    for radius in [1, 4, 5, 30] {
+        let (sum, mean) = (plane.box_sum(radius), plane.box_mean(radius));
+        for (x, y) in [(0usize, 0usize), (5, 40), (22, 69), (11, 33)] {
+            let (mut expected, mut count) = (0.0, 0.0);
+            for y in y.saturating_sub(radius)..(y + radius + 1).min(70) {
+                for x in x.saturating_sub(radius)..(x + radius + 1).min(23) {
+                    expected += plane.at(x, y);
+                    count += 1.0;
+                }
+            }
+            assert!((sum.at(x, y) - expected).abs() < 1e-4 * expected, "{radius} at {x}, {y}");
+            assert!((mean.at(x, y) - expected / count).abs() < 1e-4 * expected / count, "{radius} at {x}, {y}");
+        }
+    }
 }
 
 #[test]
