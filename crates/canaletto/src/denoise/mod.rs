@@ -215,16 +215,28 @@ fn error_weight(light: &[ColorPlanes; 2], wavelets: &[ColorPlanes; 2], scale: &C
 
 /// Albedos above this one are those of lamps and of the background.
 const LAMP: f32 = 0.999;
+/// The ratio of a lamp's edge's albedo to the least one beside it.
+const EDGE: f32 = 1.03;
 
-/// 1 where lamps or the background fill a pixel. Their albedo's largest component is 1, as that of nothing else.
+/// 1 where lamps or the background fill a pixel, and on a lamp's edge. The largest component of their albedo is 1, as
+/// that of nothing else. On an edge the albedo is above that of the wall beside it.
 fn seen_directly(size: [usize; 2], features: &FeaturePlanes) -> Plane {
+    let [red, green, blue] = &features.albedo;
+    let largest = |x: usize, y: usize| red.at(x, y).max(green.at(x, y)).max(blue.at(x, y));
+    let has_normal = |x: usize, y: usize| features.normal.iter().any(|n| n.at(x, y) != 0.0);
     let mut plane = Plane::new(size);
-    let albedo = &features.albedo;
     plane.fill(|x, y| {
-        let largest = albedo[0].at(x, y).max(albedo[1].at(x, y)).max(albedo[2].at(x, y));
+        let (mut least, mut is_beside_lamp) = (f32::INFINITY, false);
+        for y in y.saturating_sub(1)..(y + 2).min(size[1]) {
+            for x in x.saturating_sub(1)..(x + 2).min(size[0]) {
+                least = least.min(largest(x, y));
+                is_beside_lamp |= largest(x, y) > LAMP && has_normal(x, y);
+            }
+        }
         // A white medium has a depth, but no normal.
-        let is_medium = features.nearness.at(x, y) > 0.0 && features.normal.iter().all(|n| n.at(x, y) == 0.0);
-        if largest > LAMP && !is_medium { 1.0 } else { 0.0 }
+        let is_medium = features.nearness.at(x, y) > 0.0 && !has_normal(x, y);
+        let is_filled = largest(x, y) > LAMP && !is_medium;
+        if is_filled || is_beside_lamp && largest(x, y) > EDGE * least { 1.0 } else { 0.0 }
     });
     plane
 }
