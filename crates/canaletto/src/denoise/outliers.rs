@@ -41,8 +41,8 @@ pub(super) fn lower_outliers(own: &ColorPlanes, other: &ColorPlanes, features: &
 
 /// Spreads removed light in proportion to `takers`, which are light: what is dark stays dark. Each outlier takes the
 /// smallest of a few reaches at which it adds less than [`VISIBLE`] to any pixel, or the whole picture. So one strong
-/// outlier makes no bright patch. Returns the light for each pixel, and the light that even the whole picture would show
-/// and that is lost.
+/// outlier makes no bright patch. Returns the light for each pixel, and the lost light, which even the whole picture
+/// would show.
 ///
 /// With a symmetric kernel K, the light T of outliers becomes W (K ∗ (T / (K ∗ W))), whose sum is that of T.
 pub(super) fn spread_outliers(removed: &ColorPlanes, takers: &ColorPlanes) -> (ColorPlanes, f64) {

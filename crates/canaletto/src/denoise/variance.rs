@@ -1,5 +1,5 @@
-//! The variance of halves, averaged over pixels that show alike surfaces: the noise of a lamp's edge says nothing of the
-//! dark wall beside it.
+//! The variance of halves, averaged over pixels that show alike surfaces: the noise of a lamp's edge says nothing of
+//! the dark wall beside it.
 #![allow(clippy::needless_range_loop)] // Lanes of several arrays go in step.
 
 use super::features::FeaturePlanes;
