@@ -11,6 +11,7 @@
 use super::PreparedEnvironment;
 use super::panorama;
 use crate::math::Transform;
+use canaletto_bvh::{InstructionSet, Kernel};
 use glam::DVec3;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -21,7 +22,9 @@ const UNIFORM: f64 = 0.02;
 /// The columns and rows of blocks.
 const BLOCK_COLUMNS: usize = 8;
 const BLOCK_ROWS: usize = 4;
-const BLOCKS: usize = BLOCK_COLUMNS * BLOCK_ROWS;
+
+/// A number for each block, by column and row.
+type OfBlocks = [[f64; BLOCK_ROWS]; BLOCK_COLUMNS];
 
 /// The least mean cosine of a block that counts. Light from behind a surface's normal may still count for some
 /// materials.
@@ -39,7 +42,7 @@ pub(crate) struct EnvironmentDistribution {
     columns: Vec<f64>,
     /// For each column of blocks the cumulative sums of the integrals between two rows of nodes.
     rows: [Vec<f64>; BLOCK_COLUMNS],
-    blocks: [Block; BLOCKS],
+    blocks: Blocks,
     /// The integral of the radiance over all directions, as a sum of its components.
     total: f64,
     /// The rotation between the scene's directions and the environment's own.
@@ -47,22 +50,98 @@ pub(crate) struct EnvironmentDistribution {
     to_scene: Transform,
 }
 
-/// The directions of a block of the grid.
-#[derive(Clone, Copy, Debug, Default)]
-struct Block {
-    /// The share of the light.
-    share: f64,
-    /// The mean direction, and the root mean square distance from it.
-    middle: DVec3,
-    radius: f64,
+/// The directions of the blocks of the grid.
+#[derive(Clone, Debug, Default)]
+struct Blocks {
+    /// Their shares of the light.
+    share: OfBlocks,
+    /// The coordinates of their mean directions, and the root mean square distances from them.
+    middle: [OfBlocks; 3],
+    radius: OfBlocks,
+    /// 1 / (4 radius).
+    quarter: OfBlocks,
 }
 
-impl Block {
-    /// The mean cosine of its directions to a unit normal, as if their cosines were distributed evenly.
-    fn cosine(&self, normal: DVec3) -> f64 {
-        let middle = self.middle.dot(normal);
-        let within = middle.clamp(-self.radius, self.radius) + self.radius;
-        within * within / (4.0 * self.radius) + (middle - self.radius).max(0.0)
+/// The shares of the blocks in the light that arrives at a surface.
+struct BlockWeights {
+    /// What the radiance of a block counts.
+    factors: OfBlocks,
+    /// The sums of the light of a row's first columns.
+    sums: OfBlocks,
+    /// The sums of the light of the first rows.
+    rows: [f64; BLOCK_ROWS],
+}
+
+/// Finds the weights for a unit normal of the environment's own space.
+struct WeighBlocks<'a> {
+    blocks: &'a Blocks,
+    normal: DVec3,
+    two_sided: bool,
+}
+
+impl WeighBlocks<'_> {
+    /// The mean cosine of the directions of a block, as if their cosines were distributed evenly. `middle` is the
+    /// cosine of the mean direction.
+    #[inline(always)]
+    fn cosine(&self, column: usize, row: usize, middle: f64) -> f64 {
+        let (radius, quarter) = (self.blocks.radius[column][row], self.blocks.quarter[column][row]);
+        let below = if middle < radius { middle } else { radius };
+        let within = if below > -radius { below + radius } else { 0.0 };
+        let beyond = if middle > radius { middle - radius } else { 0.0 };
+        within * within * quarter + beyond
+    }
+}
+
+impl Kernel for WeighBlocks<'_> {
+    type Answer = BlockWeights;
+
+    #[inline(always)]
+    fn run(self) -> BlockWeights {
+        let (blocks, n) = (self.blocks, self.normal);
+        let mut factors = [[0.0; BLOCK_ROWS]; BLOCK_COLUMNS];
+        for column in 0..BLOCK_COLUMNS {
+            for row in 0..BLOCK_ROWS {
+                let [x, y, z] = &blocks.middle;
+                let middle = x[column][row] * n.x + y[column][row] * n.y + z[column][row] * n.z;
+                let front = self.cosine(column, row, middle);
+                let factor = if self.two_sided { front + self.cosine(column, row, -middle) } else { front };
+                factors[column][row] = if factor > LEAST_COSINE { factor } else { LEAST_COSINE };
+            }
+        }
+        blocks.weights(factors)
+    }
+}
+
+impl Blocks {
+    fn set(&mut self, column: usize, row: usize, middle: DVec3, radius: f64) {
+        for (axis, value) in middle.to_array().into_iter().enumerate() {
+            self.middle[axis][column][row] = value;
+        }
+        self.radius[column][row] = radius;
+        self.quarter[column][row] = 0.25 / radius;
+    }
+
+    #[inline(always)]
+    fn weights(&self, factors: OfBlocks) -> BlockWeights {
+        let mut sums = factors;
+        let mut sum = [0.0; BLOCK_ROWS];
+        for column in 0..BLOCK_COLUMNS {
+            for row in 0..BLOCK_ROWS {
+                sum[row] += factors[column][row] * self.share[column][row];
+            }
+            sums[column] = sum;
+        }
+        for row in 1..BLOCK_ROWS {
+            sum[row] += sum[row - 1];
+        }
+        BlockWeights { factors, sums, rows: sum }
+    }
+}
+
+impl BlockWeights {
+    /// All light that arrives.
+    fn total(&self) -> f64 {
+        self.rows[BLOCK_ROWS - 1]
     }
 }
 
@@ -109,7 +188,7 @@ impl EnvironmentDistribution {
             }
         }
         let to_scene = to_local.inverse();
-        let (rows, blocks) = (Default::default(), [Block::default(); BLOCKS]);
+        let (rows, blocks) = (Default::default(), Blocks::default());
         let mut this = EnvironmentDistribution { size, nodes, columns, rows, blocks, total, to_local, to_scene };
         for column in 0..BLOCK_COLUMNS {
             let mut sum = 0.0;
@@ -121,13 +200,16 @@ impl EnvironmentDistribution {
             for row in 0..BLOCK_ROWS {
                 let rows = this.rows_of(row);
                 let share = sum_up_to(&this.rows[column], rows.end) - sum_up_to(&this.rows[column], rows.start);
-                this.blocks[row * BLOCK_COLUMNS + column] = this.block(row, column, share);
+                let (middle, radius) = this.directions(row, column);
+                this.blocks.share[column][row] = share;
+                this.blocks.set(column, row, middle, radius);
             }
         }
         this
     }
 
-    fn block(&self, row: usize, column: usize, share: f64) -> Block {
+    /// The mean direction of a block, and the root mean square distance from it.
+    fn directions(&self, row: usize, column: usize) -> (DVec3, f64) {
         const POINTS: usize = 16;
         let [width, height] = self.size;
         let (rows, columns) = (self.rows_of(row), self.columns_of(column));
@@ -141,7 +223,7 @@ impl EnvironmentDistribution {
         let whole: f64 = directions.clone().map(|(_, weight)| weight).sum();
         let middle = directions.clone().map(|(d, weight)| d * weight).sum::<DVec3>() / whole;
         let spread = directions.map(|(d, weight)| (d - middle).length_squared() * weight).sum::<f64>() / whole;
-        Block { share, middle, radius: libm::sqrt(spread).max(1e-3) }
+        (middle, libm::sqrt(spread).max(1e-3))
     }
 
     /// The rows between nodes that a row of blocks covers.
@@ -161,40 +243,29 @@ impl EnvironmentDistribution {
         sum_up_to(sums, columns.end) - sum_up_to(sums, columns.start)
     }
 
-    /// The factors of all blocks for a surface with a unit normal, or for a point in a medium where the normal is zero.
+    /// The weights of all blocks for a surface with a unit normal, or for a point in a medium where the normal is zero.
     /// Light from behind counts as much if the surface is two-sided.
-    fn factors(&self, normal: DVec3, two_sided: bool) -> [f64; BLOCKS] {
+    fn weights(&self, normal: DVec3, two_sided: bool) -> BlockWeights {
         if normal == DVec3::ZERO {
-            return [1.0; BLOCKS];
+            return self.blocks.weights([[1.0; BLOCK_ROWS]; BLOCK_COLUMNS]);
         }
         let normal = self.to_local.vector(normal);
-        self.blocks.map(|block| {
-            let behind = if two_sided { block.cosine(-normal) } else { 0.0 };
-            (block.cosine(normal) + behind).max(LEAST_COSINE)
-        })
+        InstructionSet::run(WeighBlocks { blocks: &self.blocks, normal, two_sided })
     }
 
     /// The light that arrives at a surface if nothing hides the environment: about the irradiance, as a sum of its
     /// components.
     pub(crate) fn arriving(&self, normal: DVec3, two_sided: bool) -> f64 {
-        let factors = self.factors(normal, two_sided);
-        self.total * self.blocks.iter().zip(factors).map(|(block, factor)| block.share * factor).sum::<f64>()
+        self.total * self.weights(normal, two_sided).total()
     }
 
     /// The unit direction at `u` of the unit square for a surface, and its density per unit of solid angle.
     pub(crate) fn sample(&self, normal: DVec3, two_sided: bool, [u, v]: [f64; 2]) -> (DVec3, f64) {
         let [width, height] = self.size;
-        let factors = self.factors(normal, two_sided);
-        let mut sums = [0.0; BLOCKS];
-        let mut sum = 0.0;
-        for ((to, block), factor) in sums.iter_mut().zip(&self.blocks).zip(factors) {
-            sum += block.share * factor;
-            *to = sum;
-        }
-        let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| sum_up_to(&sums, row * BLOCK_COLUMNS));
-        let of_row = block_row * BLOCK_COLUMNS..(block_row + 1) * BLOCK_COLUMNS;
-        let (block, v) = pick(v, of_row, |block| sum_up_to(&sums, block));
-        let block_column = block - block_row * BLOCK_COLUMNS;
+        let weights = self.weights(normal, two_sided);
+        let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| sum_up_to(&weights.rows, row));
+        let before = |column: usize| if column == 0 { 0.0 } else { weights.sums[column - 1][block_row] };
+        let (block_column, v) = pick(v, 0..BLOCK_COLUMNS, before);
         let (row, u) = pick(u, self.rows_of(block_row), |row| sum_up_to(&self.rows[block_column], row));
         let y = linear(u, [row, row + 1].map(|row| self.sum_between(row, block_column)));
         let [upper, lower] = [row, row + 1].map(|row| &self.columns[row * width..][..width]);
@@ -206,7 +277,8 @@ impl EnvironmentDistribution {
         let x = linear(v, [column, (column + 1) % width].map(|column| self.blended_node(row, column, y)));
         let [above, below] = [row, row + 1].map(|row| height_of(row, height));
         let place = [((column as f64 + 0.5 + x) / width as f64).fract(), above + (below - above) * y];
-        let density = self.density(row, column, [x, y], place[1]) * factors[block] / sum;
+        let factor = weights.factors[block_column][block_row] / weights.total();
+        let density = self.density(row, column, [x, y], place[1]) * factor;
         (self.to_scene.vector(panorama::direction(place)).normalize(), density)
     }
 
@@ -221,12 +293,12 @@ impl EnvironmentDistribution {
         let row = ((v * (height - 2) as f64 + 0.5).max(0.0) as usize).min(height - 2);
         let [above, below] = [row, row + 1].map(|row| height_of(row, height));
         let y = ((v - above) / (below - above)).clamp(0.0, 1.0);
-        let factors = self.factors(normal, two_sided);
-        let sum: f64 = self.blocks.iter().zip(factors).map(|(block, factor)| block.share * factor).sum();
+        let weights = self.weights(normal, two_sided);
         // The block is the last one that begins at the place or before it.
         let block = |place: usize, count: usize, blocks: usize| ((place + 1) * blocks - 1) / count;
-        let block = block(row, height - 1, BLOCK_ROWS) * BLOCK_COLUMNS + block(column, width, BLOCK_COLUMNS);
-        self.density(row, column, [x - left, y], v) * factors[block] / sum
+        let (block_row, block_column) = (block(row, height - 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
+        let factor = weights.factors[block_column][block_row] / weights.total();
+        self.density(row, column, [x - left, y], v) * factor
     }
 
     /// The density of the radiance at a place between four nodes, whose height in the image is `v`.
