@@ -30,7 +30,7 @@ pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> V
     let normal = normal.as_vec3();
     let bound = error + rounding(p);
     let distance = normal.abs().dot(bound) * (1.0 + gamma(6));
-    if side < 0.0 { p - normal * distance } else { p + normal * distance }
+    p + normal * if side < 0.0 { -distance } else { distance }
 }
 
 #[cfg(test)]

@@ -30,9 +30,13 @@ pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [Primitiv
             // The most frequent shapes are compiled into the loop.
             Shape::Box(cuboid) => {
                 let bounds = cuboid.bounds();
-                offer(id, rays, found, |ray, t_max| {
-                    confined(cuboid.intersect(ray, t_max)?, &bounds, &ray.prepare(), t_max)
-                });
+                for (rays, found) in rays.chunks(GROUP).zip(found.chunks_mut(GROUP)) {
+                    for i in set_bits(cuboid.may_hit(rays, found.iter().map(|best| best.t))) {
+                        offer(id, &rays[i..=i], &mut found[i..=i], |ray, t_max| {
+                            confined(cuboid.intersect(ray, t_max)?, &bounds, &ray.prepare(), t_max)
+                        });
+                    }
+                }
             }
             Shape::Sphere(s) => {
                 for (rays, found) in rays.chunks(GROUP).zip(found.chunks_mut(GROUP)) {
@@ -45,6 +49,15 @@ pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [Primitiv
             _ => offer(id, rays, found, |ray, t_max| meet(shape, ray, t_max)),
         }
     });
+}
+
+/// The indices of the set bits, in ascending order.
+fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let index = (bits != 0).then_some(bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        index
+    })
 }
 
 #[inline(always)]
@@ -102,6 +115,16 @@ pub(super) fn occlusion(
                     let t = meet_sphere(s, rays, t_max.iter().copied());
                     end(rays, t_max, |index, _, _| {
                         !t[index].is_nan() && blocks(near.start + group * GROUP + index, id)
+                    });
+                }
+            }
+            Shape::Box(cuboid) => {
+                for (group, (rays, t_max)) in rays.chunks(GROUP).zip(t_max.chunks_mut(GROUP)).enumerate() {
+                    let bits = cuboid.may_hit(rays, t_max.iter().copied());
+                    end(rays, t_max, |index, ray, t_max| {
+                        bits >> index & 1 == 1
+                            && meet(shape, ray, t_max).is_some()
+                            && blocks(near.start + group * GROUP + index, id)
                     });
                 }
             }
