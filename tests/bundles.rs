@@ -1,17 +1,22 @@
 //! Rays in a batch have the results that each ray has alone.
 
-use canaletto::Ray;
-use canaletto::explain::explain;
+use canaletto::camera::Camera;
+use canaletto::explain::{Explainer, explain};
+use canaletto::film::Picture;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
-use canaletto::scene::{Content, Node, Sampling, Scene};
+use canaletto::scene::{Content, Node, PathSettings, SamplerKind, Sampling, Scene};
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
 };
 use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
+use canaletto::{InstructionSet, Ray};
+use canaletto_io::assets::FolderAssets;
+use canaletto_io::text::read_scene;
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
+use canaletto_tests::root;
 use glam::{DVec3, Vec3};
 
 /// A scene of few primitives, each of which is tested with whole ray batches. There are plain, rotated, mirroring and
@@ -257,6 +262,42 @@ fn rays_are_counted_alike_alone_and_together() {
             assert_eq!(together.counts, alone.counts);
             let cost: f32 = alone.picture.layers[0].data.iter().sum();
             assert_eq!(cost as u64, together.counts.rays.total());
+        }
+    }
+}
+
+/// Diffuse vertices are shaded eight side by side in a picture, and one by one in an explanation.
+#[test]
+fn diffuse_paths_are_alike_alone_and_together() {
+    let assets = FolderAssets::new(root().join("tests/scenes")).unwrap();
+    let scene = read_scene("diffuse-paths.kdl", &assets).unwrap().0;
+    let world = World::build(scene.clone()).unwrap();
+    let all = (0, true);
+    let settings = [
+        (SamplerKind::Sobol, all),
+        (SamplerKind::BlueNoise, all),
+        (SamplerKind::Jittered, all),
+        (SamplerKind::Independent, all),
+        (SamplerKind::Sobol, (5, false)),
+        (SamplerKind::Sobol, (2, true)),
+    ];
+    for (sampler, (max_depth, roulette)) in settings {
+        let mut job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+        (job.film.sampling, job.film.sampler) = (Sampling::Sampled(2), sampler);
+        job.integrator = PathSettings { max_depth, roulette, ..PathSettings::DEFAULT }.into();
+        let pictures = InstructionSet::available().into_iter().map(|set| {
+            set.limit();
+            render(&world, &job, &()).unwrap().picture
+        });
+        let pictures: Vec<Picture> = pictures.collect();
+        let explainer = Explainer::new(&world, &job);
+        let (width, height) = (pictures[0].width, pictures[0].height);
+        for (x, y) in (0..width * height).step_by(23).map(|pixel| (pixel % width, pixel / width)) {
+            let alone = explainer.paths(x, y).unwrap().color.to_array().map(f32::to_bits);
+            for picture in &pictures {
+                let together = picture.pixel(x, y).to_array().map(f32::to_bits);
+                assert_eq!(alone, together, "{sampler:?}, depth {max_depth}, pixel {x} {y}");
+            }
         }
     }
 }

@@ -3,15 +3,17 @@
 //! Directions are unit vectors that point away from the surface. An integrator adds light along `wi` to the light that
 //! leaves along `wo`. Overlay and coverage of a [`MaterialPoint`](super::MaterialPoint) are not part of it.
 
-use super::{ConductorBsdf, DielectricBsdf, PhongBsdf, StandardBsdf};
+use super::{ConductorBsdf, DielectricBsdf, DiffuseBsdf, PhongBsdf, StandardBsdf};
 use crate::math::Rgb;
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
-/// The scattering at a point, one variant for each [`MaterialModel`](super::MaterialModel).
+/// The scattering at a point, one variant for each [`MaterialModel`](super::MaterialModel), and one for diffuse surfaces.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Bsdf {
+    /// The diffuse term of (5.39b) alone.
+    Diffuse(DiffuseBsdf),
     /// The scattering of (5.39b).
     Phong(PhongBsdf),
     /// A metal.
@@ -93,6 +95,7 @@ impl Bsdf {
     /// The cosine is included, as in Mitsuba, since the f of Phong's highlight is unbounded where cos θ vanishes.
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
         match self {
+            Bsdf::Diffuse(diffuse) => diffuse.eval(wi),
             Bsdf::Phong(phong) => phong.eval(wo, wi),
             Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
@@ -104,6 +107,7 @@ impl Bsdf {
     /// None if the surface scatters nothing.
     pub fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         match self {
+            Bsdf::Diffuse(diffuse) => diffuse.sample(u),
             Bsdf::Phong(phong) => phong.sample(wo, u_lobe, u),
             Bsdf::Conductor(conductor) => conductor.sample(wo, u),
             Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u_lobe, u),
@@ -115,6 +119,7 @@ impl Bsdf {
     /// over the whole sphere is 1 less the probability of delta lobes.
     pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
         match self {
+            Bsdf::Diffuse(diffuse) => diffuse.pdf(wi),
             Bsdf::Phong(phong) => phong.pdf(wo, wi),
             Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
@@ -125,6 +130,7 @@ impl Bsdf {
     /// Whether all lobes are delta lobes, so that lights can't be sampled.
     pub fn is_delta(&self) -> bool {
         match self {
+            Bsdf::Diffuse(diffuse) => diffuse.kd.is_black(),
             Bsdf::Phong(phong) => phong.is_delta(),
             Bsdf::Conductor(conductor) => conductor.is_delta(),
             Bsdf::Dielectric(dielectric) => dielectric.is_delta(),

@@ -8,6 +8,7 @@ mod conductor;
 mod conductor_albedo;
 mod dielectric;
 mod dielectric_albedo;
+mod diffuse_bsdf;
 mod fresnel;
 mod ggx;
 mod mapping;
@@ -25,6 +26,7 @@ pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub use dielectric::{Dielectric, DielectricBsdf};
+pub use diffuse_bsdf::DiffuseBsdf;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use ggx::{Masking, MicrofacetOptions};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
@@ -188,6 +190,9 @@ impl Material {
     /// The scattering at a point of the material.
     pub fn bsdf(&self, point: &MaterialPoint, frame: ScatteringFrame) -> Bsdf {
         match &point.model {
+            MaterialModel::Phong(phong) if phong.is_diffuse() => {
+                Bsdf::Diffuse(DiffuseBsdf { kd: phong.kd, normal: frame.normal, facing: frame.facing })
+            }
             MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
             MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
             MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),

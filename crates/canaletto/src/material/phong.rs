@@ -53,6 +53,12 @@ impl Phong {
         (self.kd + self.ks * highlight + self.k + Rgb::gray(1.0 - self.opacity)).max_component()
     }
 
+    /// Whether the surface is opaque and has nothing but diffuse reflection.
+    #[inline]
+    pub fn is_diffuse(&self) -> bool {
+        self.ks.is_black() && self.k.is_black() && self.opacity >= 1.0
+    }
+
     /// Scales all that scatters light, so that no more light leaves than arrives ([`Phong::largest_albedo`]).
     pub(crate) fn bound_albedo(&mut self) {
         let albedo = self.largest_albedo();

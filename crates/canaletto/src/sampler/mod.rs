@@ -8,12 +8,14 @@
 mod blue_noise;
 mod grid;
 mod hash;
+mod samples8;
 mod sobol;
 #[cfg(test)]
 mod tests;
 
 use crate::scene::SamplerKind;
 use hash::{mix, unit};
+pub(crate) use samples8::Samples8;
 
 /// A source of numbers keyed by (seed, frame, pixel, sample, dimension).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +43,7 @@ impl Dimension {
     pub const BELOW: Dimension = Dimension::EYE.of(3);
 
     /// The dimension of use number `n` under this one: a child ray, a light, a lobe.
+    #[inline(always)]
     pub const fn of(self, n: u32) -> Dimension {
         Dimension(mix(self.0 ^ (n as u64) << 32))
     }
@@ -176,6 +179,7 @@ impl Sample {
 }
 
 impl Sampler {
+    #[inline(always)]
     fn key_of(&self, dimension: Dimension) -> u64 {
         // The constant differs from those of `uniform`, whose numbers may be used beside these.
         let own = if self.kind == SamplerKind::BlueNoise { self.key >> 32 } else { self.key };

@@ -15,6 +15,7 @@
 use super::hash::mix;
 
 /// Point `index` of the sequence scrambled by `key`, in the first N ≤ 2 dimensions.
+#[inline(always)]
 pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
     let index = scramble(index.reverse_bits(), key).reverse_bits();
     let mut seed = key;
@@ -25,14 +26,17 @@ pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
 }
 
 /// Point `index` of the first three dimensions, in the order of [`points`]. All three are distributed jointly.
+#[inline(always)]
 pub(super) fn three(index: u32, key: u64) -> [f64; 3] {
     let index = scramble(index.reverse_bits(), key).reverse_bits();
-    let mut seed = key;
-    std::array::from_fn(|dimension| {
-        seed = mix(seed);
-        let digits = if dimension < 2 { digits(index, dimension) } else { digits_by(index, &THIRD) };
-        fraction(scramble(digits, seed))
-    })
+    let first = mix(key);
+    let second = mix(first);
+    let third = mix(second);
+    [
+        fraction(scramble(digits(index, 0), first)),
+        fraction(scramble(digits(index, 1), second)),
+        fraction(scramble(THIRD_SUMS.digits(index), third)),
+    ]
 }
 
 /// Point `index` of the sequence itself, of up to 64 digits, scrambled by `key` in the first N ≤ 2 dimensions.
@@ -54,8 +58,8 @@ pub(super) fn joint(index: u32, key: u64) -> [f64; 4] {
         seed = mix(seed);
         let digits = match dimension {
             0 | 1 => digits(index, dimension),
-            2 => digits_by(index, &THIRD),
-            _ => digits_by(index, &FOURTH),
+            2 => THIRD_SUMS.digits(index),
+            _ => FOURTH_SUMS.digits(index),
         };
         fraction(scramble(digits, seed))
     })
@@ -65,6 +69,9 @@ pub(super) fn joint(index: u32, key: u64) -> [f64; 4] {
 const THIRD: [u32; 32] = directions(2, 1, [1, 3, 0]);
 /// The direction numbers of the fourth dimension: degree s = 3, a = 1, m = 1, 3, 1.
 const FOURTH: [u32; 32] = directions(3, 1, [1, 3, 1]);
+
+static THIRD_SUMS: ByteSums = ByteSums::of(&THIRD);
+static FOURTH_SUMS: ByteSums = ByteSums::of(&FOURTH);
 
 /// The direction numbers of a primitive polynomial of degree `s` with the inner coefficients `a`, and the first ones m.
 /// The first digit is bit 0.
@@ -94,34 +101,63 @@ const fn directions(s: usize, a: u32, m: [u32; 3]) -> [u32; 32] {
     v
 }
 
-/// Point `index` in the dimension of these direction numbers, the first digit in bit 0.
-fn digits_by(index: u32, directions: &[u32; 32]) -> u32 {
-    let (mut rest, mut point) = (index, 0);
-    while rest != 0 {
-        point ^= directions[rest.trailing_zeros() as usize];
-        rest &= rest - 1;
+/// For each byte of an index, and each value of that byte, the sum of its direction numbers.
+struct ByteSums([[u32; 256]; 4]);
+
+impl ByteSums {
+    const fn of(directions: &[u32; 32]) -> ByteSums {
+        let mut sums = [[0; 256]; 4];
+        let mut byte = 0;
+        while byte < 4 {
+            let mut value = 1usize;
+            while value < 256 {
+                let lowest = value & value.wrapping_neg();
+                sums[byte][value] =
+                    sums[byte][value ^ lowest] ^ directions[8 * byte + lowest.trailing_zeros() as usize];
+                value += 1;
+            }
+            byte += 1;
+        }
+        ByteSums(sums)
     }
-    point
+
+    /// Point `index` in the dimension of the direction numbers, the first digit in bit 0.
+    #[inline(always)]
+    fn digits(&self, index: u32) -> u32 {
+        let [a, b, c, d] = &self.0;
+        a[(index & 255) as usize]
+            ^ b[(index >> 8 & 255) as usize]
+            ^ c[(index >> 16 & 255) as usize]
+            ^ d[(index >> 24) as usize]
+    }
 }
 
 /// A single number.
+#[inline(always)]
 pub(super) fn one(index: u32, key: u64) -> f64 {
-    points::<1>(index, key)[0]
+    let index = scramble(index.reverse_bits(), key).reverse_bits();
+    fraction(scramble(digits(index, 0), mix(key)))
 }
 
 /// Point `index` in a dimension, the first digit in bit 0. The first dimension is van der Corput's sequence. In the
 /// second, digit j is the sum of those digits i of the index for which the binomial coefficient of i over j is odd. It
 /// is odd where i has all bits of j (Lucas). So the matrix is a power of its upper left quarter of two by two, and five
 /// steps suffice.
+#[inline(always)]
 fn digits(index: u32, dimension: usize) -> u32 {
-    const STEPS: [(u32, u32); 5] =
-        [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)];
-    let steps = if dimension == 0 { &[] } else { STEPS.as_slice() };
-    steps.iter().fold(index, |point, &(shift, without)| point ^ point >> shift & without)
+    if dimension == 0 {
+        return index;
+    }
+    let point = index ^ index >> 1 & 0x5555_5555;
+    let point = point ^ point >> 2 & 0x3333_3333;
+    let point = point ^ point >> 4 & 0x0f0f_0f0f;
+    let point = point ^ point >> 8 & 0x00ff_00ff;
+    point ^ point >> 16 & 0x0000_ffff
 }
 
 /// Owen's scrambling of digits whose first is bit 0. Every bit is flipped, or not, depending on the lower bits and the
 /// seed.
+#[inline(always)]
 fn scramble(mut x: u32, seed: u64) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed as u32);
@@ -130,6 +166,7 @@ fn scramble(mut x: u32, seed: u64) -> u32 {
     x ^ x.wrapping_mul(0x53a2_2864)
 }
 
+#[inline(always)]
 fn fraction(digits: u32) -> f64 {
     f64::from(digits.reverse_bits()) * (1.0 / (1u64 << 32) as f64)
 }
@@ -209,7 +246,7 @@ mod tests {
         for (index, point) in (0u32..).zip(expected) {
             // They are published in the order of Gray's code.
             let index = index ^ index >> 1;
-            assert_eq!([&THIRD, &FOURTH].map(|directions| fraction(digits_by(index, directions))), point, "{index}");
+            assert_eq!([&THIRD_SUMS, &FOURTH_SUMS].map(|sums| fraction(sums.digits(index))), point, "{index}");
         }
     }
 

@@ -15,11 +15,25 @@ use crate::light::LightSample;
 use crate::math::{DRay, Rgb};
 use crate::world::{Hit, Occlusion};
 use canaletto_bvh::Ray;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// The end of a ray to a sampled point of an emitter, whose distance it is measured in. The point's own rounding is
 /// less.
 pub(super) const PAST_EMITTER: f32 = 1.0 + 1e-3;
+
+/// A point of a source that lights a point.
+pub(super) struct SourcePoint {
+    /// The unit direction to it.
+    pub(super) wi: DVec3,
+    /// None if it is infinitely far.
+    pub(super) position: Option<DVec3>,
+    /// Its radiance towards the lit point; of a light without a surface, its intensity.
+    pub(super) radiance: Rgb,
+    /// The density of the direction, times the probability of the source.
+    pub(super) pdf: f64,
+    /// The end of its shadow ray. It is negative if nothing can hide the source.
+    pub(super) t_max: f32,
+}
 
 /// The ray that asks whether a sampled source is seen.
 pub(super) struct ShadowRay {
@@ -47,85 +61,60 @@ impl PathTracer<'_> {
         if vertex.is_delta() {
             return None;
         }
-        let (source, chosen) = self.lights.sample(self.world, &vertex.receiver(), u_source)?;
-        let (sample, ray, t_max) = match source {
-            Source::Light(number) => self.sample_light(vertex, number, u, chosen),
-            Source::Emitter(number) => self.sample_emitter(vertex, number, u, chosen),
-            Source::Environment => self.sample_environment(vertex, u, chosen),
-        }?;
-        let inside = if self.sees_through { self.inside_after(vertex, sample.to)? } else { [NONE; 2] };
-        probe.path(PathEvent::Sampled(&sample));
-        let line = vertex.line(sample.to);
-        Some(ShadowRay { source, ray, t_max, light: sample.light(), line, inside })
-    }
-
-    /// A light that no ray hits, with its shadow ray and the end of that.
-    fn sample_light(&self, vertex: &Vertex, number: u32, u: [f64; 2], chosen: f64) -> Option<(SourceSample, Ray, f32)> {
-        let light = self.light(number);
-        let LightSample { wi, position, li, pdf, .. } = light.sample(vertex.position(), u)?;
-        let f = reflected(vertex, wi, li)?;
-        let ray = vertex.ray(&vertex.line(wi));
-        let (direction, end) = match position {
-            Some(position) => ((position - ray.origin.as_dvec3()).as_vec3(), BEFORE_LIGHT),
-            None => (wi.as_vec3(), f32::INFINITY),
-        };
+        let (source, point) = self.sample_point(&vertex.receiver(), u_source, u)?;
+        let SourcePoint { wi, position, radiance, pdf, t_max } = point;
+        let f = reflected(vertex, wi)?;
         let sample = SourceSample {
-            source: SampledSource::Light(number),
+            source: self.sampled(source),
             to: position.map_or(wi, |position| position - vertex.position()),
             is_infinite: position.is_none(),
             f,
-            radiance: li,
-            pdf: pdf * chosen,
-            scattering_pdf: None,
+            radiance,
+            pdf,
+            scattering_pdf: source.is_found_by_rays().then(|| vertex.pdf(wi)),
         };
-        let t_max = if light.light.shadows { end } else { f32::NEG_INFINITY };
-        Some((sample, Ray::new(ray.origin, direction), t_max))
+        let inside = if self.sees_through { self.inside_after(vertex, sample.to)? } else { [NONE; 2] };
+        probe.path(PathEvent::Sampled(&sample));
+        let ray = shadow_ray(vertex.ray(&vertex.line(wi)).origin, wi, position);
+        Some(ShadowRay { source, ray, t_max, light: sample.light(), line: vertex.line(sample.to), inside })
     }
 
-    /// A point of an emitting surface.
-    fn sample_emitter(
-        &self,
-        vertex: &Vertex,
-        number: u32,
-        u: [f64; 2],
-        chosen: f64,
-    ) -> Option<(SourceSample, Ray, f32)> {
-        let from = vertex.position();
-        let emitter = &self.lights.emitters.all[number as usize];
-        let EmitterSample { point, radiance, pdf } = emitter.sample_from(self.world, self.time, from, u)?;
-        let wi = (point - from).try_normalize()?;
-        let f = reflected(vertex, wi, radiance)?;
-        let start = vertex.ray(&vertex.line(wi)).origin;
-        let [instance, primitive] = emitter.first_primitive();
-        let sample = SourceSample {
-            source: SampledSource::Surface { instance, primitive },
-            to: point - from,
-            is_infinite: false,
-            f,
-            radiance,
-            pdf: pdf * chosen,
-            scattering_pdf: Some(vertex.pdf(wi)),
+    /// The source that the first number chooses for a point, and a point of it that sends light.
+    pub(super) fn sample_point(&self, to: &Receiver, u_source: f64, u: [f64; 2]) -> Option<(Source, SourcePoint)> {
+        let (source, chosen) = self.lights.sample(self.world, to, u_source)?;
+        let point = match source {
+            Source::Light(number) => {
+                let light = self.light(number);
+                let LightSample { wi, position, li, pdf, .. } = light.sample(to.point, u)?;
+                let end = if position.is_some() { BEFORE_LIGHT } else { f32::INFINITY };
+                let t_max = if light.light.shadows { end } else { f32::NEG_INFINITY };
+                SourcePoint { wi, position, radiance: li, pdf: pdf * chosen, t_max }
+            }
+            Source::Emitter(number) => {
+                let emitter = &self.lights.emitters.all[number as usize];
+                let EmitterSample { point, radiance, pdf } = emitter.sample_from(self.world, self.time, to.point, u)?;
+                let wi = (point - to.point).try_normalize()?;
+                SourcePoint { wi, position: Some(point), radiance, pdf: pdf * chosen, t_max: PAST_EMITTER }
+            }
+            Source::Environment => {
+                let (wi, pdf) = self.lights.environment.as_ref()?.sample(to.normal, to.two_sided, u);
+                let radiance = self.world.environment.as_ref()?.radiance_without_sun(wi, [DVec3::ZERO; 2]);
+                SourcePoint { wi, position: None, radiance, pdf: pdf * chosen, t_max: f32::INFINITY }
+            }
         };
-        Some((sample, Ray::new(start, (point - start.as_dvec3()).as_vec3()), PAST_EMITTER))
+        (!point.radiance.is_black()).then_some((source, point))
     }
 
-    /// A direction to the environment.
-    fn sample_environment(&self, vertex: &Vertex, u: [f64; 2], chosen: f64) -> Option<(SourceSample, Ray, f32)> {
-        let (wi, pdf) = {
-            let Receiver { normal, two_sided, .. } = vertex.receiver();
-            self.lights.environment.as_ref()?.sample(normal, two_sided, u)
-        };
-        let radiance = self.world.environment.as_ref()?.radiance_without_sun(wi, [DVec3::ZERO; 2]);
-        let sample = SourceSample {
-            source: SampledSource::Environment,
-            to: wi,
-            is_infinite: true,
-            f: reflected(vertex, wi, radiance)?,
-            radiance,
-            pdf: pdf * chosen,
-            scattering_pdf: Some(vertex.pdf(wi)),
-        };
-        Some((sample, vertex.ray(&vertex.line(wi)), f32::INFINITY))
+    /// What a source is outside of path tracing.
+    fn sampled(&self, source: Source) -> SampledSource {
+        match source {
+            Source::Light(number) => SampledSource::Light(number),
+            Source::Emitter(number) => {
+                let [instance, primitive] = self.lights.emitters.all[number as usize].first_primitive();
+                SampledSource::Surface { instance, primitive }
+            }
+            Source::Environment => SampledSource::Environment,
+        }
     }
 
     /// The share of a sampled source's light that passes what lies between, by a shadow ray of its own.
@@ -179,11 +168,18 @@ impl PathTracer<'_> {
     }
 }
 
-/// f |cos θ| of a direction to a light; none if nothing of this light is scattered.
-fn reflected(vertex: &Vertex, wi: DVec3, light: Rgb) -> Option<Rgb> {
-    if light.is_black() {
-        return None;
-    }
+/// f |cos θ| of a direction to a light; none if nothing is scattered.
+fn reflected(vertex: &Vertex, wi: DVec3) -> Option<Rgb> {
     let f = vertex.eval(wi);
     (!f.is_black() && f.is_finite()).then_some(f)
+}
+
+/// The ray to a point of a source, or in its direction, from an origin that was moved off the surface.
+#[inline(always)]
+pub(super) fn shadow_ray(origin: Vec3, wi: DVec3, position: Option<DVec3>) -> Ray {
+    let direction = match position {
+        Some(position) => position - origin.as_dvec3(),
+        None => wi,
+    };
+    Ray { origin, direction: direction.as_vec3() }
 }

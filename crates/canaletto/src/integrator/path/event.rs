@@ -217,13 +217,13 @@ impl SourceSample {
 
     /// The light that the vertex sends back if nothing hides the source, with its weight.
     pub fn light(&self) -> Rgb {
-        let light = self.f * self.radiance * (1.0 / self.pdf) as f32;
-        if self.scattering_pdf.is_some() { light * self.weight() } else { light }
+        self.f * self.radiance * (1.0 / self.pdf) as f32 * self.weight()
     }
 }
 
 /// The weight of a sample whose own density is `pdf`, where another way has density `other`.
-fn power_heuristic(pdf: f64, other: f64) -> f32 {
+#[inline(always)]
+pub(super) fn power_heuristic(pdf: f64, other: f64) -> f32 {
     // Densities may overflow when squared.
     let ratio = other / pdf;
     (1.0 / (1.0 + ratio * ratio)) as f32

@@ -26,6 +26,13 @@ pub(super) enum Source {
     Environment,
 }
 
+impl Source {
+    /// Whether rays that are scattered find its light, too.
+    pub(super) fn is_found_by_rays(self) -> bool {
+        !matches!(self, Source::Light(_))
+    }
+}
+
 /// The most trees. Lights of further attenuations share the last one.
 const TREES: usize = 8;
 

@@ -10,6 +10,7 @@
 //! Lights without a surface pass clear bodies by 1 − o, as in (5.39a), since no path finds them. The light of surfaces
 //! and of the environment passes clear bodies along paths only.
 
+mod diffuse8;
 mod direct;
 mod emitter;
 #[cfg(test)]
@@ -37,6 +38,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
+use diffuse8::DiffuseMaterials;
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
@@ -52,6 +54,7 @@ pub(crate) struct PreparedPath {
     has_media: bool,
     sees_through: bool,
     warnings: Vec<String>,
+    diffuse: DiffuseMaterials,
     /// Where light comes from, if that was learnt.
     guide: Option<GuidingField>,
 }
@@ -77,7 +80,15 @@ impl PreparedPath {
         let has_media = has_media(world);
         let has_no_surface = |material: &Material| material.model.is_index_matched_to_air();
         let sees_through = has_media || in_use().any(|material| material.has_holes() || has_no_surface(material));
-        PreparedPath { settings, lights, has_media, sees_through, warnings, guide: None }
+        PreparedPath {
+            settings,
+            lights,
+            has_media,
+            sees_through,
+            warnings,
+            diffuse: DiffuseMaterials::new(world),
+            guide: None,
+        }
     }
 }
 
@@ -90,6 +101,7 @@ impl PreparedPath {
             has_media: has_media(world),
             sees_through: false,
             warnings: Vec::new(),
+            diffuse: DiffuseMaterials::new(world),
             guide: None,
         }
     }
@@ -113,6 +125,7 @@ impl PreparedRayIntegrator for PreparedPath {
             world,
             settings: self.settings,
             lights: &self.lights,
+            diffuse: &self.diffuse,
             guide: self.guide.as_ref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
@@ -149,6 +162,7 @@ pub(crate) struct PathTracer<'w> {
     world: &'w World,
     settings: PathSettings,
     lights: &'w LightSampler,
+    diffuse: &'w DiffuseMaterials,
     guide: Option<&'w GuidingField>,
     /// Whether bodies absorb or scatter light.
     has_media: bool,

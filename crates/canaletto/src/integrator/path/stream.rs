@@ -3,6 +3,7 @@
 //! Each path takes the steps of [`PathTracer::path`] in that order, so its colour has equal bits.
 
 use super::PathTracer;
+use super::diffuse8::DiffuseVertices;
 use super::direct::ShadowRay;
 use super::light_sampler::Source;
 use super::trace::Path;
@@ -21,16 +22,20 @@ pub(super) struct PathStream {
     /// The numbers of the paths that go on.
     active: Vec<u32>,
     shadows: Vec<PathShadow>,
+    /// Diffuse vertices of which eight are shaded together.
+    diffuse: DiffuseVertices,
+    /// For each path whether it has ended.
+    ended: Vec<bool>,
     bundle: RayBundle,
 }
 
 /// A shadow ray of a path.
-struct PathShadow {
+pub(super) struct PathShadow {
     /// The path's number.
-    path: u32,
-    ray: ShadowRay,
+    pub(super) path: u32,
+    pub(super) ray: ShadowRay,
     /// The throughput of the path where it leaves.
-    throughput: Rgb,
+    pub(super) throughput: Rgb,
 }
 
 impl PathStream {
@@ -58,9 +63,11 @@ impl PathTracer<'_> {
     /// Traces all paths to their ends.
     pub(super) fn trace_stream(&mut self) {
         let mut stream = std::mem::take(&mut self.stream);
-        let PathStream { paths, colors, active, shadows, bundle } = &mut stream;
+        let PathStream { paths, colors, active, shadows, diffuse, ended, bundle } = &mut stream;
         active.clear();
         active.extend(0..paths.len() as u32);
+        ended.clear();
+        ended.resize(paths.len(), false);
         while !active.is_empty() && !self.is_cancelled {
             self.poll(active.len() as u32);
             bundle.clear();
@@ -70,16 +77,21 @@ impl PathTracer<'_> {
             }
             self.world.intersect_batch(bundle);
             shadows.clear();
-            let mut left = 0;
-            for index in 0..active.len() {
-                let number = active[index];
+            for (index, &number) in active.iter().enumerate() {
+                let hit = bundle.hit(index);
+                if let Some(hit) = hit.filter(|hit| self.is_diffuse(&paths[number as usize], hit)) {
+                    if self.push_diffuse(diffuse, number, &paths[number as usize], &hit) {
+                        self.scatter_diffuse(diffuse, paths, shadows, |path| ended[path as usize] = true);
+                    }
+                    continue;
+                }
                 self.set_time(paths[number as usize].time);
-                let step = self.arrive(&mut paths[number as usize], bundle.hit(index), &mut ());
+                let step = self.arrive(&mut paths[number as usize], hit, &mut ());
                 shadows.extend(step.shadow.map(|(ray, throughput)| PathShadow { path: number, ray, throughput }));
-                active[left] = number;
-                left += usize::from(step.goes_on);
+                ended[number as usize] = !step.goes_on;
             }
-            active.truncate(left);
+            self.scatter_diffuse(diffuse, paths, shadows, |path| ended[path as usize] = true);
+            active.retain(|&number| !ended[number as usize]);
             self.trace_shadows(shadows, bundle, paths);
         }
         colors.clear();
