@@ -285,7 +285,7 @@ fn diffuse_paths_are_alike_alone_and_together() {
         let mut job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
         (job.film.sampling, job.film.sampler) = (Sampling::Sampled(2), sampler);
         job.integrator = PathSettings { max_depth, roulette, ..PathSettings::DEFAULT }.into();
-        let pictures = InstructionSet::available().into_iter().map(|set| {
+        let pictures = InstructionSet::available().iter().map(|set| {
             set.limit();
             render(&world, &job, &()).unwrap().picture
         });

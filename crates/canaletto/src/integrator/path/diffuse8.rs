@@ -193,12 +193,11 @@ impl PathTracer<'_> {
             depth: &depth,
             has_roulette,
         });
-        for lane in 0..vertices.len {
+        for (lane, (source, t_max)) in sources.into_iter().enumerate().take(vertices.len) {
             let number = vertices.paths[lane];
             let path = &mut paths[number as usize];
             let exact = dvec3(&vertices.surfaces.exact, lane);
             if scattered.lit >> lane & 1 == 1 {
-                let (source, t_max) = sources[lane];
                 let to = dvec3(&points.to, lane);
                 let is_far = points.far[lane];
                 let ray = ShadowRay {
