@@ -11,15 +11,15 @@ use canaletto_tests::root;
 
 /// Scenes of 24 × 24 pixels, each with another reason why light is hard to find, and the error that is asked of each.
 const SCENES: [(&str, f32); 10] = [
-    ("gap", 0.5),
+    ("gap", 0.7),
     ("small-lights", 0.2),
-    ("glass", 0.25),
+    ("glass", 0.35),
     ("sky", 0.1),
     ("lamp", 0.1),
-    ("metal", 0.25),
-    ("hidden-lamp", 0.4),
-    ("dark", 0.4),
-    ("blur", 0.4),
+    ("metal", 0.35),
+    ("hidden-lamp", 0.5),
+    ("dark", 0.55),
+    ("blur", 0.55),
     ("checks", 0.05),
 ];
 

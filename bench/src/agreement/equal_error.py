@@ -1,15 +1,16 @@
 """Compares the time that Canaletto, Mitsuba 3 and Blender's Cycles take to the same error.
 
-    python3 equal_error.py CANALETTO [--size N] [--seeds N] [--error E] [--samples N ...] [--sampler NAME] [SCENE ...]
+    python3 equal_error.py CANALETTO [--size N] [--seeds N] [--error E] [--samples N ...] [--converged N]
+                           [--sampler NAME] [--scenes NAME ...] [--pictures FOLDER]
 
 Needs `pip install mitsuba bpy`, and LLVM for Mitsuba's `llvm_ad_rgb`. The scenes are those of `agreement.py`, without the
-medium. The reference is Canaletto's picture of 64 times the most samples. The programs take turns with each seed and
-number of samples. A pixel's error is its difference from the reference over the reference, with a hundredth of the
-squared mean added below. The picture's error is the root of the mean square. A line fitted through the
-logarithms of time and error tells the time to the error `--error`.
+medium. The programs take turns with each seed and number of samples. The reference is the mean of two pictures of
+Canaletto with `--converged` samples, whose own error is taken away. A pixel's error is its difference from the reference
+over the reference, whose square has a hundredth of the squared mean added. A picture's error is the root of the mean
+square. A line fitted through the logarithms of time and error tells the time to the error `--error`.
 
-Time is CPU seconds of all threads. Mitsuba's and Cycles' scenes are loaded and compiled before. Canaletto's time includes the start
-of the program, reading the scene and writing the picture.
+Time is CPU seconds of all threads. Mitsuba's and Cycles' scenes are loaded and compiled before. Canaletto's time includes
+the start of the program, reading the scene and writing the picture.
 """
 
 import argparse
@@ -17,7 +18,6 @@ import os
 import resource
 import sys
 import tempfile
-import time
 
 import numpy as np
 
@@ -28,7 +28,7 @@ try:
 except ImportError as missing:
     sys.exit(f"equal_error: {missing}; pip install mitsuba bpy")
 
-from scenes import GOLD, SCENES, Canaletto, Mitsuba, gray, write_image
+from scenes import GOLD, SCENES, Canaletto, Mitsuba, write_image
 
 
 def z_up(p):
@@ -217,6 +217,7 @@ def main():
     arguments.add_argument("--seeds", type=int, default=2)
     arguments.add_argument("--error", type=float, default=0.05)
     arguments.add_argument("--samples", type=int, nargs="+", default=[16, 64, 256])
+    arguments.add_argument("--converged", type=int, default=1024)
     arguments.add_argument("--sampler", default="multijitter")
     arguments.add_argument("--pictures", help="a folder for the pictures of the first seed")
     arguments.add_argument("--scenes", nargs="+", default=[name for name in SCENES if name != "medium"])
@@ -224,7 +225,7 @@ def main():
     mi.set_variant("llvm_ad_rgb")
     print(f"time in CPU seconds to the error {options.error}, {options.size} x {options.size} pixels; "
           f"Mitsuba {mi.__version__} with {options.sampler}, Cycles {bpy.app.version_string}")
-    print(f"{'scene':9} {'renderer':10} {'time':>7} {'ours is':>8} {'samples/s':>10} {'variance':>10} {'mean':>8}")
+    print(f"{'scene':9} {'renderer':10} {'time':>7} {'of ours':>8} {'samples/s':>10} {'variance':>10} {'mean':>8}")
     for name in options.scenes:
         with tempfile.TemporaryDirectory() as folder:
             scene = SCENES[name]()
@@ -234,25 +235,27 @@ def main():
                 "Mitsuba": Mitsuba(scene, options.size, options.sampler),
                 "Cycles": Cycles(scene, folder, options.size),
             }
-            reference = ours.render(64 * max(options.samples), 1000)
-            compare(name, renderers, reference, options)
+            references = [ours.render(options.converged, seed) for seed in (1001, 1002)]
+            compare(name, renderers, references, options)
 
 
-def compare(name, renderers, reference, options):
+def compare(name, renderers, references, options):
     """Prints a line for each renderer."""
+    reference = (references[0] + references[1]) / 2
     scale = reference**2 + 0.01 * reference.mean() ** 2
+    own = ((references[0] - references[1]) ** 2 / 4 / scale).mean()
     times = {key: [] for key in renderers}
     errors = {key: [] for key in renderers}
     means = {key: [] for key in renderers}
     for samples in options.samples:
-        for renderer in renderers.values():
-            renderer.render(samples, 0)
+        # Mitsuba compiles for each number of samples.
+        renderers["Mitsuba"].render(samples, 0)
         runs = {key: [] for key in renderers}
         for seed in range(1, options.seeds + 1):
             for key, renderer in renderers.items():
                 runs[key].append(measured(renderer, samples, seed))
         for key, taken in runs.items():
-            squares = [((picture - reference) ** 2 / scale).mean() for picture, _ in taken]
+            squares = [((picture - reference) ** 2 / scale).mean() - own for picture, _ in taken]
             errors[key].append(np.sqrt(np.mean(squares)))
             times[key].append(np.median([seconds for _, seconds in taken]))
             means[key].append(np.mean([picture.mean() for picture, _ in taken]))

@@ -119,6 +119,7 @@ impl Bsdf {
     /// over the whole sphere is 1 less the probability of delta lobes.
     pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
         match self {
+            Bsdf::Diffuse(diffuse) if diffuse.kd.is_black() => 0.0,
             Bsdf::Diffuse(diffuse) => diffuse.pdf(wi),
             Bsdf::Phong(phong) => phong.pdf(wo, wi),
             Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),

