@@ -8,7 +8,8 @@ use crate::math::Rgb;
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
-/// The scattering at a point, one variant for each [`MaterialModel`](super::MaterialModel), and one for diffuse surfaces.
+/// The scattering at a point, one variant for each [`MaterialModel`](super::MaterialModel), and one for diffuse
+/// surfaces.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Bsdf {

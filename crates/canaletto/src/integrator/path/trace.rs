@@ -38,8 +38,8 @@ pub(super) mod uses {
 /// The number of surfaces after which roulette begins.
 pub(super) const ROULETTE_AFTER: u32 = 3;
 
-/// The throughput below which a path may end. With 1 the variance of a glass sphere in a box was twice as large, in four
-/// fifths of the time.
+/// The throughput below which a path may end. With 1 the variance of a glass sphere in a box was twice as large, in
+/// four fifths of the time.
 const ROULETTE_BELOW: f32 = 0.25;
 
 /// The largest probability with which a path survives roulette, so that every path ends.
