@@ -15,7 +15,6 @@ the start of the program, reading the scene and writing the picture.
 
 import argparse
 import os
-import resource
 import sys
 import tempfile
 
@@ -28,7 +27,7 @@ try:
 except ImportError as missing:
     sys.exit(f"equal_error: {missing}; pip install mitsuba bpy")
 
-from scenes import GOLD, SCENES, Canaletto, Mitsuba, write_image
+from scenes import GOLD, SCENES, Canaletto, Mitsuba, cpu_seconds, write_image
 
 
 def z_up(p):
@@ -190,12 +189,6 @@ class Silence:
     def __exit__(self, *_):
         os.dup2(self.saved, 1)
         os.close(self.saved)
-
-
-def cpu_seconds():
-    """The CPU time of this process and of the programs that it has run."""
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(u.ru_utime + u.ru_stime for u in usage)
 
 
 def measured(renderer, samples, seed):

@@ -9,7 +9,6 @@ equal time is the root of variance times CPU seconds, and counts that of the fir
 """
 
 import argparse
-import resource
 import sys
 import tempfile
 
@@ -19,7 +18,7 @@ try:
 except ImportError as missing:
     sys.exit(f"many_lights: {missing}; pip install mitsuba numpy")
 
-from scenes import Canaletto, Mitsuba, Scene, gray
+from scenes import Canaletto, Mitsuba, Scene, cpu_seconds, gray
 
 mi.set_variant("scalar_rgb")
 SIZE = 64
@@ -44,11 +43,6 @@ def lamps(count):
         scene.matte(f"lamp{i}", gray(0.0), color)
         scene.sphere(f"lamp{i}", [float(v) for v in places[i]], float(radius))
     return scene
-
-
-def cpu_seconds():
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(u.ru_utime + u.ru_stime for u in usage)
 
 
 def main():

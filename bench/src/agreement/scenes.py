@@ -1,6 +1,7 @@
 """Six scenes, each described once and written for Canaletto, Mitsuba 3 and Blender's Cycles."""
 
 import os
+import resource
 import subprocess
 
 import numpy as np
@@ -14,6 +15,12 @@ def words(values):
 
 def gray(value):
     return [value] * 3
+
+
+def cpu_seconds():
+    """The CPU time of this process and of the programs that it has run."""
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in usage)
 
 
 class Scene:
