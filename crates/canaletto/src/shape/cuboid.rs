@@ -37,22 +37,22 @@ impl Kernel for MayHit<'_> {
 
     #[inline(always)]
     fn run(self) -> u32 {
-        // Differences of coordinates, reciprocals and products are rounded once each.
-        const SLACK: f32 = 1.0 + 1.0 / (1 << 20) as f32;
-        let mut enter = [f32::NEG_INFINITY; MAY_HIT_RAYS];
-        let mut leave = [f32::INFINITY; MAY_HIT_RAYS];
+        // The exact test rounds `t` to `f32`. No reciprocal of an `f32` overflows in `f64`.
+        const SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+        let mut enter = [f64::NEG_INFINITY; MAY_HIT_RAYS];
+        let mut leave = [f64::INFINITY; MAY_HIT_RAYS];
         for axis in 0..3 {
-            let (min, max) = (self.cuboid.min[axis], self.cuboid.max[axis]);
+            let (min, max) = (f64::from(self.cuboid.min[axis]), f64::from(self.cuboid.max[axis]));
             for i in 0..MAY_HIT_RAYS {
-                let (o, d) = (self.origin[axis][i], self.direction[axis][i]);
+                let (o, d) = (f64::from(self.origin[axis][i]), f64::from(self.direction[axis][i]));
                 let inverse = 1.0 / d;
                 let (low, high) = ((min - o) * inverse, (max - o) * inverse);
                 let (near, far) = if d > 0.0 { (low, high) } else { (high, low) };
                 // A ray along the faces is between them all the way, or never.
                 let is_beside = (o <= min) | (o >= max);
-                let always = if is_beside { f32::INFINITY } else { f32::NEG_INFINITY };
+                let always = if is_beside { f64::INFINITY } else { f64::NEG_INFINITY };
                 let near = if d == 0.0 { always } else { near };
-                let far = if d == 0.0 { f32::INFINITY } else { far };
+                let far = if d == 0.0 { f64::INFINITY } else { far };
                 // Comparisons with NaN are false.
                 enter[i] = if near > enter[i] { near } else { enter[i] };
                 leave[i] = if far < leave[i] { far } else { leave[i] };
@@ -60,10 +60,10 @@ impl Kernel for MayHit<'_> {
         }
         let mut bits = 0;
         for i in 0..MAY_HIT_RAYS {
-            let misses = (enter[i] == f32::INFINITY)
+            let misses = (enter[i] == f64::INFINITY)
                 | (enter[i] > leave[i] * SLACK)
                 | (leave[i] < 0.0)
-                | (enter[i] > self.t_max[i] * SLACK);
+                | (enter[i] > f64::from(self.t_max[i]) * SLACK);
             bits |= u32::from(!misses) << i;
         }
         bits
@@ -264,6 +264,15 @@ mod tests {
             }
         }
         assert!(hits > 4000 && kept < hits * 2, "{kept} kept, {hits} hits");
+    }
+
+    /// The reciprocal of a denormal number is no `f32`, and the ray is still near the box.
+    #[test]
+    fn denormal_directions_miss_nothing() {
+        let near = f32::from_bits(1.0f32.to_bits() + 1);
+        let ray = Ray::new(Vec3::new(-near, 0.0, 0.0), Vec3::new(1e-39, 0.0, 0.0));
+        assert!(BOX.intersect(&ray, INF).is_some());
+        assert_eq!(BOX.may_hit(&[ray], [INF].into_iter()), 1);
     }
 
     #[test]
