@@ -46,7 +46,9 @@ pub(crate) use sample::{pick_by_area, sample_triangle};
 pub use sphere::Sphere;
 pub use surface::Surface;
 pub use surface_differential::SurfaceDifferential;
-pub(crate) use surfaces::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
+pub(crate) use surfaces::{
+    DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_bits, set_dvec3, set_vec3, vec3,
+};
 pub use tessellate::{Tessellation, TessellationVertex, TooManyTriangles};
 pub use torus::Torus;
 pub use triangle::Triangle;

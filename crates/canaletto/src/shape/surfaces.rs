@@ -39,6 +39,15 @@ pub(crate) fn set_vec3([x, y, z]: &mut Vec3x8, lane: usize, v: Vec3) {
     (x[lane], y[lane], z[lane]) = (v.x, v.y, v.z);
 }
 
+/// The indices of the set bits, in ascending order.
+pub(crate) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let index = (bits != 0).then_some(bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        index
+    })
+}
+
 /// The larger of two numbers, without the rules of `f32::max` for NaN, which cost instructions.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {

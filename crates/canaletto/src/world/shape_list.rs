@@ -6,7 +6,7 @@
 use super::bundle::{RayRange, end};
 use super::geometry::{confined, on_shape};
 use super::packet_bounds::GROUP;
-use crate::shape::{Shape, ShapeHit, Sphere};
+use crate::shape::{Shape, ShapeHit, Sphere, set_bits};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
@@ -49,15 +49,6 @@ pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [Primitiv
             _ => offer(id, rays, found, |ray, t_max| meet(shape, ray, t_max)),
         }
     });
-}
-
-/// The indices of the set bits, in ascending order.
-fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let index = (bits != 0).then_some(bits.trailing_zeros() as usize);
-        bits &= bits.wrapping_sub(1);
-        index
-    })
 }
 
 #[inline(always)]

@@ -138,7 +138,7 @@ impl PathTracer<'_> {
         vertices.len == LANES
     }
 
-    /// Samples a source for each vertex, and sends the paths on. `ends` gets the numbers of paths that end.
+    /// Samples a source for each vertex, and sends the paths on. `end` gets the numbers of those that end.
     pub(super) fn scatter_diffuse(
         &mut self,
         vertices: &mut DiffuseVertices,

@@ -2,7 +2,7 @@
 
 use super::Wave;
 use super::interactions::Interactions;
-use super::interactions8::{Interactions8, LANES, LightSamples8, lanes};
+use super::interactions8::{Interactions8, LANES, LightSamples8};
 use crate::integrator::media::NONE;
 use crate::integrator::whitted::Whitted;
 use crate::integrator::whitted::ray_state::uses;
@@ -10,7 +10,7 @@ use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;
 use crate::math::RayDifferential;
 use crate::scene::Stage;
-use crate::shape::vec3;
+use crate::shape::{set_bits, vec3};
 use crate::world::{Occlusion, World};
 
 /// Buffers for the lighting of one wave.
@@ -64,7 +64,7 @@ impl Lighting {
         }
         for (samples8, interactions8) in light_samples.iter_mut().zip(interactions8) {
             samples8.evaluate(interactions8);
-            for lane in lanes(samples8.lit & interactions8.normal_bent) {
+            for lane in set_bits(samples8.lit & interactions8.normal_bent) {
                 // Light from behind the surface, though not from behind its bent normal, doesn't arrive.
                 if interactions8.facing(lane).dot(samples8.direction(lane)) <= 0.0 {
                     samples8.mask_out(lane);
@@ -96,7 +96,7 @@ impl Lighting {
         cosines.clear();
         exponents.clear();
         for (number, (samples8, interactions8)) in light_samples.iter().zip(interactions8).enumerate() {
-            for lane in lanes(samples8.lit & interactions8.shiny) {
+            for lane in set_bits(samples8.lit & interactions8.shiny) {
                 let (n, r_dot_l) = (interactions8.n[lane], samples8.r_dot_l[lane]);
                 // The highlight is zero elsewhere.
                 if samples8.f_s[lane] > 0.0 && (r_dot_l > 0.0 || n == 0.0) {
@@ -168,7 +168,7 @@ impl Whitted<'_> {
         let Lighting { light_samples, crossing, .. } = lighting;
         if let Some(lookup) = self.shadow_lookup {
             for (samples8, interactions8) in light_samples.iter_mut().zip(wave.interactions.interactions8()) {
-                for lane in lanes(samples8.lit) {
+                for lane in set_bits(samples8.lit) {
                     let ray = [interactions8.start(lane), vec3(&samples8.to, lane)];
                     let (point, normal) = (interactions8.exact(lane), interactions8.facing(lane));
                     samples8.f_s[lane] = lookup.passed(light, ray, samples8.reach[lane], point, normal);
@@ -183,7 +183,7 @@ impl Whitted<'_> {
         if self.world.moves() {
             let each = wave.interactions.each();
             let lit = light_samples.iter().enumerate().flat_map(|(number, samples8)| {
-                lanes(samples8.lit).map(move |lane| each[number * LANES + lane].hit.time)
+                set_bits(samples8.lit).map(move |lane| each[number * LANES + lane].hit.time)
             });
             self.waves.bundle.set_times(lit);
         }
@@ -193,7 +193,7 @@ impl Whitted<'_> {
         self.waves.shadow_rays.bundle.clear();
         let mut shadow = 0;
         for (number, samples8) in light_samples.iter_mut().enumerate() {
-            for lane in lanes(samples8.lit) {
+            for lane in set_bits(samples8.lit) {
                 let (occlusion, interaction) = (self.waves.bundle.occlusion(shadow), number * LANES + lane);
                 if occlusion == Occlusion::Clear {
                     let (ray, t_max) = self.waves.bundle.ray(shadow);

@@ -71,15 +71,6 @@ pub(super) struct LightSamples8 {
 const ZERO: DVec3x8 = [[0.0; LANES]; 3];
 const BLACK: Vec3x8 = [[0.0; LANES]; 3];
 
-/// The indices of the set bits, in ascending order.
-pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = (bits != 0).then_some(bits.trailing_zeros() as usize);
-        bits &= bits.wrapping_sub(1);
-        lane
-    })
-}
-
 impl Interactions8 {
     /// Eight empty lanes.
     pub(super) const NOTHING: Interactions8 = Interactions8 {
