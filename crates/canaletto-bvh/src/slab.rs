@@ -62,16 +62,7 @@ impl PreparedRay {
     /// [`PreparedRay::clip_irregular`] for a `regular` ray, without a limit.
     #[inline]
     fn clip_regular(&self, bounds: &Aabb) -> (f32, f32) {
-        let cross = |axis: usize, plane: f32| (self.ray.origin[axis] - plane) * self.neg_reciprocal[axis];
-        // The nearer plane is the one with the smaller product.
-        let planes = |axis: usize| {
-            let (low, high) = (cross(axis, bounds.min[axis]), cross(axis, bounds.max[axis]));
-            (min(low, high), max(low, high))
-        };
-        let ((n0, f0), (n1, f1), (n2, f2)) = (planes(0), planes(1), planes(2));
-        let near = max(max(n0, n1), max(n2, 0.0));
-        let far = min(min(f0, f1), min(f2, f32::INFINITY));
-        (near, far * INFLATE)
+        clip_regular(self.ray.origin, self.neg_reciprocal, bounds)
     }
 
     /// The interval in which the ray is inside a box, if it enters the box.
@@ -97,10 +88,50 @@ impl PreparedRay {
     #[inline]
     pub fn clamp_to_box(&self, bounds: &Aabb, t: f64, t_max: f32) -> Option<f32> {
         let (near, far) = self.clip(bounds).filter(|_| !bounds.is_empty())?;
-        // With these argument orders a NaN `t` stays NaN, which is no hit.
-        let t = max(near * DEFLATE, min(far, t as f32));
+        let t = clamp((near, far), t as f32);
         (t > 0.0 && t <= t_max && t < f32::INFINITY).then_some(t)
     }
+
+    /// [`PreparedRay::clamp_to_box`] for loops over many rays: NaN for a miss. The ray is regular
+    /// ([`PreparedRay::is_regular`]), and the box isn't empty. `neg_reciprocal` is −1 / direction.
+    #[inline(always)]
+    pub fn clamp_regular(origin: Vec3, neg_reciprocal: [f32; 3], bounds: &Aabb, t: f32, t_max: f32) -> f32 {
+        let (near, far) = clip_regular(origin, neg_reciprocal, bounds);
+        let t = clamp((near, far), t);
+        let is_hit = (near <= far) & (t > 0.0) & (t <= t_max) & (t < f32::INFINITY);
+        if is_hit { t } else { f32::NAN }
+    }
+
+    /// Whether a ray is regular: its origin is finite, and −1 / direction consists of normal numbers.
+    #[inline(always)]
+    pub fn is_regular(origin: Vec3, neg_reciprocal: [f32; 3]) -> bool {
+        let is_normal = |v: f32| (v.abs() >= f32::MIN_POSITIVE) & (v.abs() < f32::INFINITY);
+        let [x, y, z] = neg_reciprocal;
+        let is_finite =
+            (origin.x.abs() < f32::INFINITY) & (origin.y.abs() < f32::INFINITY) & (origin.z.abs() < f32::INFINITY);
+        is_finite & is_normal(x) & is_normal(y) & is_normal(z)
+    }
+}
+
+/// The interval in which a regular ray is inside a box.
+#[inline(always)]
+fn clip_regular(origin: Vec3, neg_reciprocal: [f32; 3], bounds: &Aabb) -> (f32, f32) {
+    let cross = |axis: usize, plane: f32| (origin[axis] - plane) * neg_reciprocal[axis];
+    // The nearer plane is the one with the smaller product.
+    let planes = |axis: usize| {
+        let (low, high) = (cross(axis, bounds.min[axis]), cross(axis, bounds.max[axis]));
+        (min(low, high), max(low, high))
+    };
+    let ((n0, f0), (n1, f1), (n2, f2)) = (planes(0), planes(1), planes(2));
+    let near = max(max(n0, n1), max(n2, 0.0));
+    let far = min(min(f0, f1), min(f2, f32::INFINITY));
+    (near, far * INFLATE)
+}
+
+/// `t` moved into an interval of a box. With these argument orders a NaN `t` stays NaN, which is no hit.
+#[inline(always)]
+fn clamp((near, far): (f32, f32), t: f32) -> f32 {
+    max(near * DEFLATE, min(far, t))
 }
 
 impl PreparedRay {

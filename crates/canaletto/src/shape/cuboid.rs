@@ -8,7 +8,7 @@ use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
 use crate::OutOfRange;
 use crate::math::{DRay, Transform};
-use canaletto_bvh::{Aabb, InstructionSet, Kernel, Ray};
+use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -19,55 +19,6 @@ pub struct Cuboid {
     pub min: Vec3,
     /// The corner of largest coordinates. None is below that of `min`.
     pub max: Vec3,
-}
-
-/// The most rays that are tested with a box at once.
-pub(crate) const MAY_HIT_RAYS: usize = 16;
-
-/// Finds the rays that may hit a box, by its slabs (Kay & Kajiya 1986).
-struct MayHit<'a> {
-    cuboid: &'a Cuboid,
-    origin: [[f32; MAY_HIT_RAYS]; 3],
-    direction: [[f32; MAY_HIT_RAYS]; 3],
-    t_max: [f32; MAY_HIT_RAYS],
-}
-
-impl Kernel for MayHit<'_> {
-    type Answer = u32;
-
-    #[inline(always)]
-    fn run(self) -> u32 {
-        // The exact test rounds `t` to `f32`. No reciprocal of an `f32` overflows in `f64`.
-        const SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
-        let mut enter = [f64::NEG_INFINITY; MAY_HIT_RAYS];
-        let mut leave = [f64::INFINITY; MAY_HIT_RAYS];
-        for axis in 0..3 {
-            let (min, max) = (f64::from(self.cuboid.min[axis]), f64::from(self.cuboid.max[axis]));
-            for i in 0..MAY_HIT_RAYS {
-                let (o, d) = (f64::from(self.origin[axis][i]), f64::from(self.direction[axis][i]));
-                let inverse = 1.0 / d;
-                let (low, high) = ((min - o) * inverse, (max - o) * inverse);
-                let (near, far) = if d > 0.0 { (low, high) } else { (high, low) };
-                // A ray along the faces is between them all the way, or never.
-                let is_beside = (o <= min) | (o >= max);
-                let always = if is_beside { f64::INFINITY } else { f64::NEG_INFINITY };
-                let near = if d == 0.0 { always } else { near };
-                let far = if d == 0.0 { f64::INFINITY } else { far };
-                // Comparisons with NaN are false.
-                enter[i] = if near > enter[i] { near } else { enter[i] };
-                leave[i] = if far < leave[i] { far } else { leave[i] };
-            }
-        }
-        let mut bits = 0;
-        for i in 0..MAY_HIT_RAYS {
-            let misses = (enter[i] == f64::INFINITY)
-                | (enter[i] > leave[i] * SLACK)
-                | (leave[i] < 0.0)
-                | (enter[i] > f64::from(self.t_max[i]) * SLACK);
-            bits |= u32::from(!misses) << i;
-        }
-        bits
-    }
 }
 
 impl Cuboid {
@@ -100,23 +51,6 @@ impl Cuboid {
         }
         let (t, face) = if enter.0 as f32 > 0.0 { enter } else { leave };
         solve::hit(t, face, t_max)
-    }
-
-    /// A bit for each of up to [`MAY_HIT_RAYS`] rays that may hit the box up to its `t_max`. No other ray does.
-    pub(crate) fn may_hit(&self, rays: &[Ray], t_max: impl Iterator<Item = f32>) -> u32 {
-        let mut all = MayHit {
-            cuboid: self,
-            origin: [[0.0; MAY_HIT_RAYS]; 3],
-            direction: [[0.0; MAY_HIT_RAYS]; 3],
-            t_max: [f32::NEG_INFINITY; MAY_HIT_RAYS],
-        };
-        for (i, (ray, t_max)) in rays.iter().zip(t_max).enumerate() {
-            for axis in 0..3 {
-                (all.origin[axis][i], all.direction[axis][i]) = (ray.origin[axis], ray.direction[axis]);
-            }
-            all.t_max[i] = t_max;
-        }
-        InstructionSet::run(all) & ((1 << rays.len()) - 1)
     }
 
     /// The surface at a hit. The point lies exactly on its face.
@@ -209,7 +143,6 @@ impl Cuboid {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::Random;
     use super::*;
 
     const INF: f32 = f32::INFINITY;
@@ -236,43 +169,6 @@ mod tests {
             assert_eq!((hit.part, s.normal.as_vec3()), (face as u32, n));
             assert_eq!(s.point.dot(n), BOX.max.dot(n.abs()));
         }
-    }
-
-    /// Rays along axes, in planes of faces, from inside and with short ends are among them.
-    #[test]
-    fn no_hit_is_missed_and_few_rays_are_kept() {
-        let random = &mut Random(5);
-        let (mut hits, mut kept) = (0, 0);
-        for _ in 0..2000 {
-            let (mut rays, mut ends) = (Vec::new(), Vec::new());
-            for _ in 0..1 + (random.unit() * 15.9) as usize {
-                let mut coordinate = |size: f32| match (random.unit() * 5.0) as u32 {
-                    0 => 0.0,
-                    1 => size * if random.one_in(2) { 1.0 } else { -1.0 },
-                    _ => random.within(-4.0, 4.0),
-                };
-                let origin = Vec3::new(coordinate(1.0), coordinate(2.0), coordinate(3.0));
-                rays.push(Ray::new(origin, Vec3::new(coordinate(1.0), coordinate(1.0), coordinate(1.0))));
-                ends.push(if random.one_in(2) { INF } else { random.within(0.0, 3.0) });
-            }
-            let bits = BOX.may_hit(&rays, ends.iter().copied());
-            assert_eq!(bits >> rays.len(), 0);
-            for (i, (ray, end)) in rays.iter().zip(&ends).enumerate() {
-                let (is_hit, is_kept) = (BOX.intersect(ray, *end).is_some(), bits >> i & 1 == 1);
-                assert!(is_kept || !is_hit, "{ray:?} up to {end}");
-                (hits, kept) = (hits + u32::from(is_hit), kept + u32::from(is_kept));
-            }
-        }
-        assert!(hits > 4000 && kept < hits * 2, "{kept} kept, {hits} hits");
-    }
-
-    /// The reciprocal of a denormal number is no `f32`, and the ray is still near the box.
-    #[test]
-    fn denormal_directions_miss_nothing() {
-        let near = f32::from_bits(1.0f32.to_bits() + 1);
-        let ray = Ray::new(Vec3::new(-near, 0.0, 0.0), Vec3::new(1e-39, 0.0, 0.0));
-        assert!(BOX.intersect(&ray, INF).is_some());
-        assert_eq!(BOX.may_hit(&[ray], [INF].into_iter()), 1);
     }
 
     #[test]

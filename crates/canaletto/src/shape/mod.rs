@@ -6,6 +6,7 @@
 mod cloud;
 mod cone;
 mod cuboid;
+mod cuboid16;
 mod cylinder;
 mod disk;
 pub(crate) mod displace;
@@ -36,6 +37,7 @@ mod triangle;
 pub use cloud::{CylinderCloud, SphereCloud};
 pub use cone::Cone;
 pub use cuboid::Cuboid;
+pub(crate) use cuboid16::CUBOID_RAYS;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use mesh::Mesh;

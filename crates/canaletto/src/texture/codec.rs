@@ -69,6 +69,20 @@ impl Codec {
         }
     }
 
+    /// Four texels at their positions, each as by [`Codec::sum`].
+    pub(super) fn four(&self, samples: &Samples, at: [u32; 4]) -> [[f32; 4]; 4] {
+        match samples {
+            // The frequent formats of environments are compiled for themselves.
+            Samples::F32(data) if self.channels == 3 => {
+                at.map(|at| gather::<_, 3>(data, &[(at, 1.0)], |v| v, |v| v, false))
+            }
+            Samples::F16(data) if self.channels == 3 => {
+                at.map(|at| gather::<_, 3>(data, &[(at, 1.0)], from_half, from_half, false))
+            }
+            _ => at.map(|at| self.sum(samples, &[(at, 1.0)])),
+        }
+    }
+
     /// Consecutive texels from position `first` on, each converted as by [`Codec::sum`].
     pub(super) fn texels(&self, samples: &Samples, first: u32, texels: &mut [[f32; 4]]) {
         match samples {

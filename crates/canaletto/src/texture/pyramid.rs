@@ -79,6 +79,12 @@ impl Pyramid {
         self.codec.sum(&level.samples, &[(level.index(x, y), 1.0)])
     }
 
+    /// Four texels, each as by [`Pyramid::texel`].
+    pub(crate) fn four_texels(&self, level: usize, at: [[u32; 2]; 4]) -> [[f32; 4]; 4] {
+        let level = self.level(level);
+        self.codec.four(&level.samples, at.map(|[x, y]| level.index(x, y)))
+    }
+
     /// The width and height of a level.
     pub(crate) fn size(&self, level: usize) -> [u32; 2] {
         let level = self.level(level);

@@ -6,12 +6,12 @@
 use super::bundle::{RayRange, end};
 use super::geometry::{confined, on_shape};
 use super::packet_bounds::GROUP;
-use crate::shape::{Shape, ShapeHit, Sphere, set_bits};
+use crate::shape::{CUBOID_RAYS, Shape, ShapeHit, Sphere, set_bits};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
 /// The most shapes that are tested one by one: the number of children of a tree node.
-pub(super) const MAX_LISTED: usize = 8;
+pub(super) const MAX_LISTED: usize = 16;
 
 /// Calls `f` with each shape and the range of the rays that may hit it.
 fn for_candidate_rays(shapes: &[Shape], part: &RayRange, mut f: impl FnMut(u32, &Shape, Range<usize>)) {
@@ -29,12 +29,14 @@ pub(super) fn intersect(shapes: &[Shape], part: &RayRange, found: &mut [Primitiv
         match shape {
             // The most frequent shapes are compiled into the loop.
             Shape::Box(cuboid) => {
-                let bounds = cuboid.bounds();
-                for (rays, found) in rays.chunks(GROUP).zip(found.chunks_mut(GROUP)) {
-                    for i in set_bits(cuboid.may_hit(rays, found.iter().map(|best| best.t))) {
-                        offer(id, &rays[i..=i], &mut found[i..=i], |ray, t_max| {
-                            confined(cuboid.intersect(ray, t_max)?, &bounds, &ray.prepare(), t_max)
-                        });
+                for (rays, found) in rays.chunks(CUBOID_RAYS).zip(found.chunks_mut(CUBOID_RAYS)) {
+                    let met = cuboid.intersect_many(rays, found.iter().map(|best| best.t));
+                    for i in set_bits(met.hit) {
+                        let hit = ShapeHit { t: met.t[i], part: met.face[i], uv: [0.0; 2] };
+                        take(&mut found[i], PrimitiveHit { id, ..on_shape(hit) });
+                    }
+                    for i in set_bits(met.irregular) {
+                        offer(id, &rays[i..=i], &mut found[i..=i], |ray, t_max| meet(shape, ray, t_max));
                     }
                 }
             }
@@ -110,12 +112,12 @@ pub(super) fn occlusion(
                 }
             }
             Shape::Box(cuboid) => {
-                for (group, (rays, t_max)) in rays.chunks(GROUP).zip(t_max.chunks_mut(GROUP)).enumerate() {
-                    let bits = cuboid.may_hit(rays, t_max.iter().copied());
+                for (group, (rays, t_max)) in rays.chunks(CUBOID_RAYS).zip(t_max.chunks_mut(CUBOID_RAYS)).enumerate() {
+                    let met = cuboid.intersect_many(rays, t_max.iter().copied());
                     end(rays, t_max, |index, ray, t_max| {
-                        bits >> index & 1 == 1
-                            && meet(shape, ray, t_max).is_some()
-                            && blocks(near.start + group * GROUP + index, id)
+                        let is_hit = met.hit >> index & 1 == 1
+                            || met.irregular >> index & 1 == 1 && meet(shape, ray, t_max).is_some();
+                        is_hit && blocks(near.start + group * CUBOID_RAYS + index, id)
                     });
                 }
             }

@@ -12,6 +12,7 @@ use crate::integrator::Probe;
 use crate::integrator::media::NONE;
 use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::light::LightSample;
+use crate::light::environment::EnvironmentSample;
 use crate::math::{DRay, Rgb};
 use crate::world::{Hit, Occlusion};
 use canaletto_bvh::Ray;
@@ -97,8 +98,9 @@ impl PathTracer<'_> {
                 SourcePoint { wi, position: Some(point), radiance, pdf: pdf * chosen, t_max: PAST_EMITTER }
             }
             Source::Environment => {
-                let (wi, pdf) = self.lights.environment.as_ref()?.sample(to.normal, to.two_sided, u);
-                let radiance = self.world.environment.as_ref()?.radiance_without_sun(wi, [DVec3::ZERO; 2]);
+                let sample = self.lights.environment.as_ref()?.sample(to.normal, to.two_sided, u);
+                let radiance = self.world.environment.as_ref()?.radiance_of_sample(&sample);
+                let EnvironmentSample { wi, pdf, .. } = sample;
                 SourcePoint { wi, position: None, radiance, pdf: pdf * chosen, t_max: f32::INFINITY }
             }
         };

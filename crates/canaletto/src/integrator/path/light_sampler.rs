@@ -256,11 +256,12 @@ impl LightSampler {
         self.groups(world, to)[0] * self.trees[0].tree.probability(to, emitter)
     }
 
-    /// The density with which a direction is sampled for the light of the environment.
-    pub(super) fn pdf_of_environment(&self, world: &World, to: &Receiver, direction: DVec3) -> f64 {
+    /// The density with which a unit direction is sampled for the light of the environment. `place` is the direction's
+    /// (u, v) in a latitude-longitude image.
+    pub(super) fn pdf_of_environment(&self, world: &World, to: &Receiver, direction: DVec3, place: [f64; 2]) -> f64 {
         let Some(environment) = &self.environment else { return 0.0 };
         let chosen = if self.only.is_some() { 1.0 } else { self.groups(world, to)[ENVIRONMENT] };
-        environment.pdf(to.normal, to.two_sided, direction) * chosen
+        environment.pdf(to.normal, to.two_sided, direction, place) * chosen
     }
 
     /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light. None if the

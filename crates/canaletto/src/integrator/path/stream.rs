@@ -22,6 +22,8 @@ pub(super) struct PathStream {
     /// The numbers of the paths that go on.
     active: Vec<u32>,
     shadows: Vec<PathShadow>,
+    /// The shadow rays by their sources: [`PathShadow::key`].
+    shadow_order: Vec<u64>,
     /// Diffuse vertices of which eight are shaded together.
     diffuse: DiffuseVertices,
     /// For each path whether it has ended.
@@ -36,6 +38,21 @@ pub(super) struct PathShadow {
     pub(super) ray: ShadowRay,
     /// The throughput of the path where it leaves.
     pub(super) throughput: Rgb,
+}
+
+/// The bits of a shadow ray's key that hold its index.
+const INDEX_BITS: u32 = 24;
+
+impl PathShadow {
+    /// A number that sorts shadow rays by their sources, lights first. Its lowest bits are the index.
+    fn key(&self, index: usize) -> u64 {
+        let (kind, number) = match self.ray.source {
+            Source::Light(number) => (0, number),
+            Source::Emitter(number) => (1, number),
+            Source::Environment => (2, 0),
+        };
+        (kind << 32 | u64::from(number)) << INDEX_BITS | index as u64
+    }
 }
 
 impl PathStream {
@@ -63,7 +80,7 @@ impl PathTracer<'_> {
     /// Traces all paths to their ends.
     pub(super) fn trace_stream(&mut self) {
         let mut stream = std::mem::take(&mut self.stream);
-        let PathStream { paths, colors, active, shadows, diffuse, ended, bundle } = &mut stream;
+        let PathStream { paths, colors, active, shadows, shadow_order, diffuse, ended, bundle } = &mut stream;
         active.clear();
         active.extend(0..paths.len() as u32);
         ended.clear();
@@ -92,7 +109,7 @@ impl PathTracer<'_> {
             }
             self.scatter_diffuse(diffuse, paths, shadows, |path| ended[path as usize] = true);
             active.retain(|&number| !ended[number as usize]);
-            self.trace_shadows(shadows, bundle, paths);
+            self.trace_shadows(shadows, shadow_order, bundle, paths);
         }
         colors.clear();
         colors.extend(paths.iter().map(|path| path.light.saturated()));
@@ -101,7 +118,13 @@ impl PathTracer<'_> {
     }
 
     /// Adds the light of sampled sources to the paths.
-    fn trace_shadows(&mut self, shadows: &mut [PathShadow], bundle: &mut RayBundle, paths: &mut [Path]) {
+    fn trace_shadows(
+        &mut self,
+        shadows: &[PathShadow],
+        order: &mut Vec<u64>,
+        bundle: &mut RayBundle,
+        paths: &mut [Path],
+    ) {
         if self.sees_through {
             for PathShadow { path, ray, throughput } in shadows {
                 self.set_time(paths[*path as usize].time);
@@ -111,21 +134,28 @@ impl PathTracer<'_> {
             return;
         }
         // Rays to one light often have one occluder. Each path has one shadow ray, so that the order changes no sum.
-        shadows.sort_unstable_by_key(|shadow| (shadow.ray.source, shadow.path));
-        let is_light = |shadow: &PathShadow| matches!(shadow.ray.source, Source::Light(_));
-        for group in shadows.chunk_by(|a, b| is_light(a) == is_light(b)) {
-            let is_light = is_light(&group[0]);
+        order.clear();
+        order.extend(shadows.iter().enumerate().map(|(index, shadow)| shadow.key(index)));
+        order.sort_unstable();
+        let shadow = |key: u64| &shadows[(key & ((1 << INDEX_BITS) - 1)) as usize];
+        let is_light = |key: u64| matches!(shadow(key).ray.source, Source::Light(_));
+        for group in order.chunk_by(|a, b| is_light(*a) == is_light(*b)) {
+            let is_light = is_light(group[0]);
             bundle.clear();
-            group.iter().for_each(|shadow| bundle.push(shadow.ray.ray, shadow.ray.t_max));
+            for key in group {
+                let ShadowRay { ray, t_max, .. } = shadow(*key).ray;
+                bundle.push(ray, t_max);
+            }
             if self.world.moves() {
-                bundle.set_times(group.iter().map(|shadow| paths[shadow.path as usize].time));
+                bundle.set_times(group.iter().map(|key| paths[shadow(*key).path as usize].time));
             }
             if is_light {
                 self.world.occlusion_batch(bundle, &mut self.occluder);
             } else {
                 self.world.intersect_batch(bundle);
             }
-            for (index, PathShadow { path, ray, throughput }) in group.iter().enumerate() {
+            for (index, key) in group.iter().enumerate() {
+                let PathShadow { path, ray, throughput } = shadow(*key);
                 self.set_time(paths[*path as usize].time);
                 let visible = match is_light {
                     true => self.visible_past(ray, bundle.occlusion(index)),

@@ -602,9 +602,10 @@ impl PathTracer<'_> {
         let Some((from, scattering)) = &segment.scattered else {
             return found(PathEmitter::Environment, environment.lookup(direction, footprint).radiance, None, probe);
         };
-        let radiance = environment.radiance_without_sun(direction, footprint);
+        let direction = direction.normalize();
+        let (radiance, place) = environment.radiance_and_place(direction, footprint);
         let densities = is_direct.then(|| {
-            let source = self.lights.pdf_of_environment(self.world, from, direction.normalize());
+            let source = self.lights.pdf_of_environment(self.world, from, direction, place);
             PathDensities { scattering: *scattering, source }
         });
         found(PathEmitter::Environment, radiance, densities, probe)

@@ -37,10 +37,10 @@ pub(crate) struct EnvironmentDistribution {
     size: [usize; 2],
     /// The densities at the nodes per unit of (u, v), row by row. Their integral over the unit square is 1.
     nodes: Vec<f32>,
-    /// For each row of nodes the cumulative sums of the means of two neighbours. Column i lies between nodes i and
-    /// i + 1.
+    /// For each row of nodes the cumulative sums of the means of two neighbours, from 0 on. Column i lies between nodes
+    /// i and i + 1.
     columns: Vec<f64>,
-    /// For each column of blocks the cumulative sums of the integrals between two rows of nodes.
+    /// For each column of blocks the cumulative sums of the integrals between two rows of nodes, from 0 on.
     rows: [Vec<f64>; BLOCK_COLUMNS],
     blocks: Blocks,
     /// The integral of the radiance over all directions, as a sum of its components.
@@ -48,6 +48,17 @@ pub(crate) struct EnvironmentDistribution {
     /// The rotation between the scene's directions and the environment's own.
     to_local: Transform,
     to_scene: Transform,
+}
+
+/// A sampled direction of an environment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EnvironmentSample {
+    /// The unit direction in the scene.
+    pub(crate) wi: DVec3,
+    /// Its (u, v) in a latitude-longitude image of the environment.
+    pub(crate) place: [f64; 2],
+    /// The density per unit of solid angle.
+    pub(crate) pdf: f64,
 }
 
 /// The directions of the blocks of the grid.
@@ -179,9 +190,10 @@ impl EnvironmentDistribution {
         let sum: f64 = (0..height - 1).map(|row| step(row) * 0.5 * (row_mean(row) + row_mean(row + 1))).sum();
         // Samples and densities use the same rounded nodes.
         let nodes: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
-        let mut columns = Vec::with_capacity(nodes.len());
+        let mut columns = Vec::with_capacity(nodes.len() + height);
         for row in nodes.chunks(width) {
             let mut sum = 0.0;
+            columns.push(sum);
             for (i, node) in row.iter().enumerate() {
                 sum += 0.5 * (f64::from(*node) + f64::from(row[(i + 1) % width])) / width as f64;
                 columns.push(sum);
@@ -196,10 +208,10 @@ impl EnvironmentDistribution {
                 sum += step(row) * 0.5 * (this.sum_between(row, column) + this.sum_between(row + 1, column));
                 sum
             });
-            this.rows[column] = integrals.collect();
+            this.rows[column] = std::iter::once(0.0).chain(integrals).collect();
             for row in 0..BLOCK_ROWS {
                 let rows = this.rows_of(row);
-                let share = sum_up_to(&this.rows[column], rows.end) - sum_up_to(&this.rows[column], rows.start);
+                let share = this.rows[column][rows.end] - this.rows[column][rows.start];
                 let (middle, radius) = this.directions(row, column);
                 this.blocks.share[column][row] = share;
                 this.blocks.set(column, row, middle, radius);
@@ -239,8 +251,14 @@ impl EnvironmentDistribution {
 
     /// The integral along a row of nodes over a column of blocks.
     fn sum_between(&self, row: usize, block_column: usize) -> f64 {
-        let (sums, columns) = (&self.columns[row * self.size[0]..][..self.size[0]], self.columns_of(block_column));
-        sum_up_to(sums, columns.end) - sum_up_to(sums, columns.start)
+        let (sums, columns) = (self.sums_of(row), self.columns_of(block_column));
+        sums[columns.end] - sums[columns.start]
+    }
+
+    /// The cumulative sums along a row of nodes.
+    fn sums_of(&self, row: usize) -> &[f64] {
+        let count = self.size[0] + 1;
+        &self.columns[row * count..][..count]
     }
 
     /// The weights of all blocks for a surface with a unit normal, or for a point in a medium where the normal is zero.
@@ -259,33 +277,32 @@ impl EnvironmentDistribution {
         self.total * self.weights(normal, two_sided).total()
     }
 
-    /// The unit direction at `u` of the unit square for a surface, and its density per unit of solid angle.
-    pub(crate) fn sample(&self, normal: DVec3, two_sided: bool, [u, v]: [f64; 2]) -> (DVec3, f64) {
+    /// The direction at `u` of the unit square for a surface.
+    pub(crate) fn sample(&self, normal: DVec3, two_sided: bool, [u, v]: [f64; 2]) -> EnvironmentSample {
         let [width, height] = self.size;
         let weights = self.weights(normal, two_sided);
-        let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| sum_up_to(&weights.rows, row));
+        let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| if row == 0 { 0.0 } else { weights.rows[row - 1] });
         let before = |column: usize| if column == 0 { 0.0 } else { weights.sums[column - 1][block_row] };
         let (block_column, v) = pick(v, 0..BLOCK_COLUMNS, before);
-        let (row, u) = pick(u, self.rows_of(block_row), |row| sum_up_to(&self.rows[block_column], row));
+        let (row, u) = pick(u, self.rows_of(block_row), |row| self.rows[block_column][row]);
         let y = linear(u, [row, row + 1].map(|row| self.sum_between(row, block_column)));
-        let [upper, lower] = [row, row + 1].map(|row| &self.columns[row * width..][..width]);
-        let blend = |column: usize| {
-            let [above, below] = [upper, lower].map(|sums| sum_up_to(sums, column));
-            above + (below - above) * y
-        };
+        let [upper, lower] = [row, row + 1].map(|row| self.sums_of(row));
+        let blend = |column: usize| upper[column] + (lower[column] - upper[column]) * y;
         let (column, v) = pick(v, self.columns_of(block_column), blend);
         let x = linear(v, [column, (column + 1) % width].map(|column| self.blended_node(row, column, y)));
         let [above, below] = [row, row + 1].map(|row| height_of(row, height));
         let place = [((column as f64 + 0.5 + x) / width as f64).fract(), above + (below - above) * y];
         let factor = weights.factors[block_column][block_row] / weights.total();
-        let density = self.density(row, column, [x, y], place[1]) * factor;
-        (self.to_scene.vector(panorama::direction(place)).normalize(), density)
+        let local = panorama::direction(place);
+        let pdf = self.density(row, column, [x, y], local) * factor;
+        EnvironmentSample { wi: self.to_scene.vector(local).normalize(), place, pdf }
     }
 
-    /// The density with which a surface samples a unit direction, per unit of solid angle.
-    pub(crate) fn pdf(&self, normal: DVec3, two_sided: bool, direction: DVec3) -> f64 {
+    /// The density with which a surface samples a unit direction, per unit of solid angle. `place` is the direction's
+    /// (u, v) in a latitude-longitude image of the environment.
+    pub(crate) fn pdf(&self, normal: DVec3, two_sided: bool, direction: DVec3, [u, v]: [f64; 2]) -> f64 {
         let [width, height] = self.size;
-        let [u, v] = panorama::uv(self.to_local.vector(direction).normalize());
+        let local = self.to_local.vector(direction);
         let x = u * width as f64 - 0.5;
         let left = x.floor();
         let column = (left as isize).rem_euclid(width as isize) as usize;
@@ -298,15 +315,15 @@ impl EnvironmentDistribution {
         let block = |place: usize, count: usize, blocks: usize| ((place + 1) * blocks - 1) / count;
         let (block_row, block_column) = (block(row, height - 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
         let factor = weights.factors[block_column][block_row] / weights.total();
-        self.density(row, column, [x - left, y], v) * factor
+        self.density(row, column, [x - left, y], local) * factor
     }
 
-    /// The density of the radiance at a place between four nodes, whose height in the image is `v`.
-    fn density(&self, row: usize, column: usize, [x, y]: [f64; 2], v: f64) -> f64 {
+    /// The density of the radiance in a unit direction of the environment's own, at a place between four nodes.
+    fn density(&self, row: usize, column: usize, [x, y]: [f64; 2], local: DVec3) -> f64 {
         let [left, right] = [column, (column + 1) % self.size[0]].map(|column| self.blended_node(row, column, y));
         let per_square = left + (right - left) * x;
         // Both vanish at the poles; dω = 2π² sin θ du dv.
-        let sin = libm::sin(PI * v);
+        let sin = (local.x * local.x + local.z * local.z).sqrt();
         if sin > 0.0 { per_square / (2.0 * PI * PI * sin) } else { 0.0 }
     }
 
@@ -325,20 +342,17 @@ fn height_of(row: usize, rows: usize) -> f64 {
     }
 }
 
-/// The sum of the first `count` parts.
-fn sum_up_to(sums: &[f64], count: usize) -> f64 {
-    if count == 0 { 0.0 } else { sums[count - 1] }
-}
-
 /// The part of a range that `u` of [0, 1) selects in proportion to the parts, and where `u` lies within its part.
 /// `before` is the sum of the parts before one.
 fn pick(u: f64, parts: Range<usize>, before: impl Fn(usize) -> f64) -> (usize, f64) {
     let first = before(parts.start);
     let value = first + u * (before(parts.end) - first);
-    let (mut low, mut high) = (parts.start, parts.end - 1);
-    while low < high {
-        let middle = (low + high) / 2;
-        if before(middle + 1) > value { high = middle } else { low = middle + 1 }
+    let (mut low, mut count) = (parts.start, parts.len());
+    while count > 1 {
+        // A step without a branch, since none could be predicted.
+        let half = count / 2;
+        low += if before(low + half) > value { 0 } else { half };
+        count -= half;
     }
     let start = before(low);
     let step = before(low + 1) - start;
@@ -425,6 +439,9 @@ mod tests {
             const SIDE: usize = 16;
             const FINE: usize = 64;
             let n = 512;
+            let pdf_of = |d: DVec3| {
+                distribution.pdf(normal, two_sided, d, environment.radiance_and_place(d, [DVec3::ZERO; 2]).1)
+            };
             let sampler = Sampler::new(3, 0, [0; 2]);
             let (mut counts, mut expected) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
             let bin = |d: DVec3| {
@@ -434,9 +451,9 @@ mod tests {
             };
             for i in 0..n * n {
                 let u = [sampler.uniform(i, 0), sampler.uniform(i, 1)];
-                let (d, pdf) = distribution.sample(normal, two_sided, u);
+                let EnvironmentSample { wi: d, pdf, .. } = distribution.sample(normal, two_sided, u);
                 assert!((d.length() - 1.0).abs() < 1e-12, "{d}");
-                let again = distribution.pdf(normal, two_sided, d);
+                let again = pdf_of(d);
                 assert!((pdf - again).abs() <= 1e-9 * pdf, "{d}: {pdf} {again}");
                 counts[bin(d)] += 1.0;
             }
@@ -445,7 +462,7 @@ mod tests {
                 let y = 1.0 - 2.0 * (row as f64 + 0.5) / side as f64;
                 let (sin, cos) = libm::sincos(TAU * (column as f64 + 0.5) / side as f64);
                 let across = (1.0 - y * y).sqrt();
-                let pdf = distribution.pdf(normal, two_sided, DVec3::new(across * cos, y, across * sin));
+                let pdf = pdf_of(DVec3::new(across * cos, y, across * sin));
                 expected[row / FINE * SIDE + column / FINE] += pdf * 4.0 * PI / (side * side) as f64 * f64::from(n * n);
             }
             for (count, expected) in counts.iter().zip(&expected) {
@@ -468,10 +485,14 @@ mod tests {
         let n = 256;
         let (mut sum, mut squares) = (0.0, 0.0);
         for i in 0..n * n {
-            let (d, pdf) =
+            let sample =
                 distribution.sample(DVec3::ZERO, false, [i % n, i / n].map(|i| (f64::from(i) + 0.5) / f64::from(n)));
-            let radiance = environment.radiance_without_sun(d, [DVec3::ZERO; 2]).to_array();
-            let weight = radiance.iter().map(|v| f64::from(*v)).sum::<f64>() / pdf;
+            let radiance = environment.radiance_without_sun(sample.wi, [DVec3::ZERO; 2]);
+            let at_place = environment.radiance_of_sample(&sample);
+            for (one, other) in radiance.to_array().into_iter().zip(at_place.to_array()) {
+                assert!((one - other).abs() <= 1e-5 * one.abs(), "{radiance:?} {at_place:?}");
+            }
+            let weight = radiance.to_array().iter().map(|v| f64::from(*v)).sum::<f64>() / sample.pdf;
             sum += weight;
             squares += weight * weight;
         }

@@ -93,6 +93,13 @@ impl EnvironmentMap {
         (place, Footprint { level: level as f32, looks: looks as u32 }, mean)
     }
 
+    /// The radiance at a place (u, v) of a latitude-longitude image, without a prefilter. None for other layouts and
+    /// without interpolation.
+    pub(super) fn panorama_radiance(&self, uv: [f64; 2]) -> Option<Rgb> {
+        let is_smooth = self.layout == Layout::Panorama && self.is_smooth();
+        is_smooth.then(|| Rgb::from(self.bilinear(0, 0, uv)))
+    }
+
     /// A change of a unit direction, in texels.
     fn texels(&self, direction: DVec3, change: DVec3) -> DVec3 {
         // A change of more than one turn adds nothing.
@@ -143,6 +150,13 @@ impl EnvironmentMap {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = ((x - x0) as f32, (y - y0) as f32);
         let (i, j) = (x0 as i64, y0 as i64);
+        let [w, h] = size.map(i64::from);
+        if i >= 0 && j >= 0 && i + 1 < w && j + 1 < h {
+            let (i, j) = (i as u32, j as u32);
+            let around = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
+            let [a, b, c, d] = self.pages[page].four_texels(level, around).map(|[r, g, b, _]| [r, g, b]);
+            return mix(mix(a, b, fx), mix(c, d, fx), fy);
+        }
         let around = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|place| self.near(level, page, place));
         let texels = match around {
             [Some(a), Some(b), Some(c), Some(d)] => [a, b, c, d],

@@ -24,7 +24,7 @@ use super::{Directional, Light, LightKind};
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
 use crate::{Named, OutOfRange, named};
-pub(crate) use distribution::EnvironmentDistribution;
+pub(crate) use distribution::{EnvironmentDistribution, EnvironmentSample};
 use glam::DVec3;
 use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};
@@ -361,6 +361,34 @@ impl PreparedEnvironment {
                 (dome.radiance_without_sun(local) * self.intensity).saturated()
             }
             _ => self.lookup(direction, footprint).radiance,
+        }
+    }
+
+    /// [`PreparedEnvironment::radiance_without_sun`] of a sampled direction without a footprint.
+    pub(crate) fn radiance_of_sample(&self, sample: &EnvironmentSample) -> Rgb {
+        let at_place = match &self.kind {
+            Kind::EnvironmentMap(map) => map.panorama_radiance(sample.place),
+            Kind::Gradient(_) | Kind::Sky(_) => None,
+        };
+        match at_place {
+            Some(value) => (value * self.intensity).saturated(),
+            None => self.radiance_without_sun(sample.wi, [DVec3::ZERO; 2]),
+        }
+    }
+
+    /// [`PreparedEnvironment::radiance_without_sun`] of a unit direction, and (u, v) of the direction in a
+    /// latitude-longitude image of the environment.
+    pub(crate) fn radiance_and_place(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Rgb, [f64; 2]) {
+        match &self.kind {
+            Kind::Sky(dome) => {
+                let local = self.to_local.vector(direction).normalize();
+                ((dome.radiance_without_sun(local) * self.intensity).saturated(), panorama::uv(local))
+            }
+            _ => {
+                let EnvironmentLookup { radiance, place, local, .. } = self.lookup(direction, footprint);
+                let uv = if let Place::Panorama { uv } = place { uv } else { panorama::uv(local) };
+                (radiance, uv)
+            }
         }
     }
 

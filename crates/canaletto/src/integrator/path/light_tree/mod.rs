@@ -17,6 +17,7 @@ mod tests;
 pub(super) use bounds::{ClusterBounds, NormalCone};
 
 use build::{BinaryNode, Content, build};
+use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
 
 /// The number of children of a node.
@@ -234,15 +235,33 @@ impl LightTree {
     /// The importance of each child of a node.
     #[inline]
     fn importances(&self, node: &Node, to: &Local) -> [f32; ARITY] {
-        let [c, l, q] = self.falloff;
-        std::array::from_fn(|i| {
+        InstructionSet::run(Importances { node, to, falloff: self.falloff, by_cosine: self.by_cosine })
+    }
+}
+
+/// Finds the importances of all children of a node side by side.
+struct Importances<'a> {
+    node: &'a Node,
+    to: &'a Local,
+    falloff: [f32; 3],
+    by_cosine: bool,
+}
+
+impl Kernel for Importances<'_> {
+    type Answer = [f32; ARITY];
+
+    #[inline(always)]
+    fn run(self) -> [f32; ARITY] {
+        let Importances { node, to, falloff: [c, l, q], by_cosine } = self;
+        let mut importances = [0.0; ARITY];
+        for i in 0..ARITY {
             let d = Vec3::new(node.center[0][i], node.center[1][i], node.center[2][i]) - to.point;
             let (d2, r2) = (d.dot(d), node.radius2[i]);
             let inside = d2 <= r2;
-            let far2 = d2.max(LEAST_DISTANCE * LEAST_DISTANCE);
+            let far2 = larger(d2, LEAST_DISTANCE * LEAST_DISTANCE);
             let per_distance = 1.0 / far2.sqrt();
             // The angle under which the sphere around the cluster is seen.
-            let sin2_b = (r2 / far2).min(1.0);
+            let sin2_b = smaller(r2 / far2, 1.0);
             let (sin_b, cos_b) = (sin2_b.sqrt(), (1.0 - sin2_b).sqrt());
             let axis = Vec3::new(node.axis[0][i], node.axis[1][i], node.axis[2][i]);
             let cos_w = -axis.dot(d) * per_distance;
@@ -253,16 +272,29 @@ impl LightTree {
             let cos_in = to.normal.dot(d) * per_distance;
             let cos_in = if to.two_sided { cos_in.abs() } else { cos_in };
             let (cos_in, _) = less([cos_in, sine(cos_in)], [cos_b, sin_b]);
-            let cos_in = if inside { 1.0 } else { cos_in.max(to.least_cosine) };
-            let far2 = far2.max(r2);
-            let divisor = (c + l * far2.sqrt() + q * far2).max(f32::MIN_POSITIVE);
-            let emitted = if self.by_cosine { cos_out } else { 1.0 };
+            let cos_in = if inside { 1.0 } else { larger(cos_in, to.least_cosine) };
+            let far2 = larger(far2, r2);
+            let divisor = larger(c + l * far2.sqrt() + q * far2, f32::MIN_POSITIVE);
+            let emitted = if by_cosine { cos_out } else { 1.0 };
             let importance = node.intensity[i] * emitted * cos_in / divisor;
             // A cosine of −1 or less stands for emission in all directions.
-            let is_lit = cos_out > node.cos_e[i] || node.cos_e[i] <= -1.0;
-            if is_lit && importance > 0.0 { importance.min(f32::MAX) } else { 0.0 }
-        })
+            let is_lit = (cos_out > node.cos_e[i]) | (node.cos_e[i] <= -1.0);
+            importances[i] = if is_lit & (importance > 0.0) { smaller(importance, f32::MAX) } else { 0.0 };
+        }
+        importances
     }
+}
+
+/// The larger of two numbers, or the second if the first is NaN. Loops with it are vectorised, unlike with `f32::max`.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, or the second if the first is NaN.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// The largest number below 1.
@@ -272,12 +304,13 @@ fn sum(importances: &[f32; ARITY]) -> f64 {
     importances.iter().map(|v| f64::from(*v)).sum()
 }
 
+#[inline(always)]
 fn sine(cos: f32) -> f32 {
-    (1.0 - cos * cos).max(0.0).sqrt()
+    larger(1.0 - cos * cos, 0.0).sqrt()
 }
 
 /// Cosine and sine of an angle less another, or of 0 if the other is larger.
-#[inline]
+#[inline(always)]
 fn less([cos_a, sin_a]: [f32; 2], [cos_b, sin_b]: [f32; 2]) -> (f32, f32) {
     if cos_a > cos_b { (1.0, 0.0) } else { (cos_a * cos_b + sin_a * sin_b, sin_a * cos_b - cos_a * sin_b) }
 }
