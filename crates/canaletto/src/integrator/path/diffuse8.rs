@@ -70,12 +70,26 @@ struct SourcePoints {
     found: [bool; LANES],
 }
 
+/// What a guiding field tells of eight vertices. The probabilities are 0 where it doesn't guide.
+struct GuidedVertices {
+    /// The probabilities with which paths follow the field.
+    probability: [f64; LANES],
+    /// The field's densities of the directions to the sources.
+    pdf_of_source: [f64; LANES],
+    /// The directions in which guided paths go on, and the field's densities of them.
+    wi: DVec3x8,
+    pdf: [f64; LANES],
+    /// [`Path::guided`] of all paths.
+    guided: [f32; LANES],
+}
+
 /// What follows from the surfaces of eight vertices and from their samples.
 struct Arrived {
     normal: DVec3x8,
     facing: DVec3x8,
     /// The random numbers for sources, and those for directions.
     u_source: ([f64; LANES], [[f64; LANES]; 2]),
+    u_lobe: [f64; LANES],
     u_direction: [[f64; LANES]; 2],
     u_roulette: [f64; LANES],
 }
@@ -90,6 +104,8 @@ struct Scattered {
     lit: u32,
     wi: DVec3x8,
     pdf: [f64; LANES],
+    /// [`Path::guided`] from here on.
+    guided: [f32; LANES],
     throughput: Vec3x8,
     origin: Vec3x8,
     direction: Vec3x8,
@@ -113,8 +129,7 @@ impl PathTracer<'_> {
     /// Whether a path arrives at a diffuse vertex.
     #[inline]
     pub(super) fn is_diffuse(&self, path: &Path, hit: &Hit) -> bool {
-        self.guide.is_none()
-            && path.is_outside()
+        path.is_outside()
             && (self.settings.max_depth == 0 || path.depth <= self.settings.max_depth)
             && self.diffuse.0[self.world.material_index(hit) as usize].is_some()
     }
@@ -151,12 +166,12 @@ impl PathTracer<'_> {
         }
         let mut samples = Samples8::splat(paths[vertices.paths[0] as usize].sample);
         let mut places = [Dimension::EYE; LANES];
-        let (mut throughput, mut depth) = ([[0.0; LANES]; 3], [0; LANES]);
+        let (mut throughput, mut depth, mut guided) = ([[0.0; LANES]; 3], [0; LANES], [1.0; LANES]);
         for lane in 0..vertices.len {
             let path = &mut paths[vertices.paths[lane] as usize];
             path.place = path.place.of(uses::NEXT);
             samples.set(lane, path.sample);
-            (places[lane], depth[lane]) = (path.place, path.depth);
+            (places[lane], depth[lane], guided[lane]) = (path.place, path.depth, path.guided);
             set_vec3(&mut throughput, lane, path.throughput.to_array().into());
         }
         let has_roulette = self.settings.roulette && depth.iter().any(|depth| *depth > ROULETTE_AFTER);
@@ -189,6 +204,7 @@ impl PathTracer<'_> {
             vertices,
             arrived: &arrived,
             points: &points,
+            guides: &self.guide_diffuse(vertices, &arrived, &points, guided),
             throughput: &throughput,
             depth: &depth,
             has_roulette,
@@ -219,6 +235,7 @@ impl PathTracer<'_> {
             }
             let wi = dvec3(&scattered.wi, lane);
             path.throughput = rgb(&scattered.throughput, lane);
+            path.guided = scattered.guided[lane];
             path.leave_diffuse(
                 Ray { origin: vec3(&scattered.origin, lane), direction: vec3(&scattered.direction, lane) },
                 DRay { origin: exact, direction: wi },
@@ -227,6 +244,36 @@ impl PathTracer<'_> {
         }
         vertices.len = 0;
         vertices.inputs.clear();
+    }
+
+    /// What the guiding field tells of the vertices. `guided` is [`Path::guided`] of their paths.
+    fn guide_diffuse(
+        &self,
+        vertices: &DiffuseVertices,
+        arrived: &Arrived,
+        points: &SourcePoints,
+        guided: [f32; LANES],
+    ) -> GuidedVertices {
+        let none = [0.0; LANES];
+        let mut guides = GuidedVertices { probability: none, pdf_of_source: none, wi: [none; 3], pdf: none, guided };
+        let Some(field) = self.guide else { return guides };
+        for lane in 0..vertices.len {
+            let Receiver { point, normal, .. } = arrived.receiver(vertices, lane);
+            let bsdf = arrived.bsdf(vertices, lane);
+            if bsdf.kd.is_black() {
+                continue;
+            }
+            let Some(guide) = field.at(point, Some(normal)) else { continue };
+            let [u, v] = &arrived.u_direction;
+            let u = [u[lane], v[lane]];
+            let is_chosen = arrived.u_lobe[lane] < guide.probability;
+            let wi = if is_chosen { guide.sample(u) } else { bsdf.direction(u) };
+            set_dvec3(&mut guides.wi, lane, wi);
+            guides.pdf[lane] = guide.pdf(wi);
+            guides.pdf_of_source[lane] = guide.pdf(dvec3(&points.wi, lane));
+            guides.probability[lane] = guide.probability;
+        }
+        guides
     }
 }
 
@@ -239,6 +286,12 @@ impl Arrived {
     /// A vertex as lights see it.
     fn receiver(&self, vertices: &DiffuseVertices, lane: usize) -> Receiver {
         Receiver { point: dvec3(&vertices.surfaces.exact, lane), normal: dvec3(&self.normal, lane), two_sided: false }
+    }
+
+    #[inline(always)]
+    fn bsdf(&self, vertices: &DiffuseVertices, lane: usize) -> DiffuseBsdf {
+        let (normal, facing) = (dvec3(&self.normal, lane), dvec3(&self.facing, lane));
+        DiffuseBsdf { kd: rgb(&vertices.kd, lane), normal, facing }
     }
 }
 
@@ -282,7 +335,7 @@ impl Kernel for Arrive<'_> {
         let DiffuseVertices { inputs, surfaces, .. } = vertices;
         inputs.surfaces(surfaces);
         let u_source = samples.one_and_two(&of_use(places, uses::LIGHT));
-        let (_, u_direction) = samples.one_and_two(&of_use(places, uses::LOBE));
+        let (u_lobe, u_direction) = samples.one_and_two(&of_use(places, uses::LOBE));
         let u_roulette = if has_roulette { samples.one(&of_use(places, uses::ROULETTE)) } else { [0.0; LANES] };
         let (mut normal, mut facing) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for i in 0..LANES {
@@ -290,7 +343,7 @@ impl Kernel for Arrive<'_> {
             set_dvec3(&mut normal, i, frame.normal);
             set_dvec3(&mut facing, i, frame.facing);
         }
-        Arrived { normal, facing, u_source, u_direction, u_roulette }
+        Arrived { normal, facing, u_source, u_lobe, u_direction, u_roulette }
     }
 }
 
@@ -299,6 +352,7 @@ struct Scatter<'a> {
     vertices: &'a DiffuseVertices,
     arrived: &'a Arrived,
     points: &'a SourcePoints,
+    guides: &'a GuidedVertices,
     throughput: &'a Vec3x8,
     depth: &'a [u32; LANES],
     has_roulette: bool,
@@ -307,8 +361,14 @@ struct Scatter<'a> {
 impl Scatter<'_> {
     #[inline(always)]
     fn bsdf(&self, lane: usize) -> DiffuseBsdf {
-        let Arrived { normal, facing, .. } = self.arrived;
-        DiffuseBsdf { kd: rgb(&self.vertices.kd, lane), normal: dvec3(normal, lane), facing: dvec3(facing, lane) }
+        self.arrived.bsdf(self.vertices, lane)
+    }
+
+    /// The density of a direction by the guiding field and the surface together.
+    #[inline(always)]
+    fn pdf_of_both(&self, lane: usize, pdf_guide: f64, pdf_scattering: f64) -> f64 {
+        let probability = self.guides.probability[lane];
+        probability * pdf_guide + (1.0 - probability) * pdf_scattering
     }
 
     /// The origin of a ray that leaves in a direction.
@@ -324,13 +384,14 @@ impl Kernel for Scatter<'_> {
 
     #[inline(always)]
     fn run(self) -> Scattered {
-        let (points, arrived) = (self.points, self.arrived);
+        let (points, guides, arrived) = (self.points, self.guides, self.arrived);
         // Each loop writes to arrays of its own, of one type each. The compiler vectorises no other loops.
         let (mut f, mut light) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for i in 0..LANES {
             let (bsdf, wi) = (self.bsdf(i), dvec3(&points.wi, i));
             let reflected = bsdf.eval(wi);
-            let weight = power_heuristic(points.pdf[i], bsdf.pdf(wi));
+            let scattering = self.pdf_of_both(i, guides.pdf_of_source[i], bsdf.pdf(wi));
+            let weight = power_heuristic(points.pdf[i], scattering);
             let weight = if points.found[i] { weight } else { 1.0 };
             let seen = reflected * rgb(&points.radiance, i) * (1.0 / points.pdf[i]) as f32 * weight;
             set_vec3(&mut f, i, reflected.to_array().into());
@@ -349,8 +410,9 @@ impl Kernel for Scatter<'_> {
         let (mut wi, mut pdf, mut throughput) = ([[0.0; LANES]; 3], [0.0; LANES], [[0.0; LANES]; 3]);
         for i in 0..LANES {
             let bsdf = self.bsdf(i);
-            let direction = bsdf.direction([u[i], v[i]]);
-            pdf[i] = bsdf.pdf(direction);
+            let own = bsdf.direction([u[i], v[i]]);
+            let direction = if guides.probability[i] > 0.0 { dvec3(&guides.wi, i) } else { own };
+            pdf[i] = self.pdf_of_both(i, guides.pdf[i], bsdf.pdf(direction));
             let next = (rgb(self.throughput, i) * bsdf.eval(direction) * (1.0 / pdf[i]) as f32).saturated();
             set_dvec3(&mut wi, i, direction);
             set_vec3(&mut throughput, i, next.to_array().into());
@@ -361,6 +423,11 @@ impl Kernel for Scatter<'_> {
             set_vec3(&mut origin, i, self.origin(i, wi));
             set_vec3(&mut direction, i, wi.as_vec3());
         }
+        let mut guided = guides.guided;
+        for i in 0..LANES {
+            let ratio = (pdf[i] / self.bsdf(i).pdf(dvec3(&wi, i))) as f32;
+            guided[i] *= if guides.probability[i] > 0.0 { ratio } else { 1.0 };
+        }
         let (mut lit, mut alive) = (0, 0);
         for i in 0..LANES {
             let (f, throughput) = (rgb(&f, i), rgb(&throughput, i));
@@ -370,7 +437,8 @@ impl Kernel for Scatter<'_> {
         if self.has_roulette {
             for i in 0..LANES {
                 let before = rgb(&throughput, i);
-                let survival = survival(before);
+                // Guiding makes throughputs small where much light is, and paths there shouldn't end.
+                let survival = survival(before * guided[i]);
                 let is_asked = self.depth[i] > ROULETTE_AFTER;
                 let survives = arrived.u_roulette[i] < f64::from(survival);
                 alive &= !(u32::from(is_asked && !survives) << i);
@@ -378,6 +446,6 @@ impl Kernel for Scatter<'_> {
                 set_vec3(&mut throughput, i, after.to_array().into());
             }
         }
-        Scattered { light, shadow_origin, shadow_direction, lit, wi, pdf, throughput, origin, direction, alive }
+        Scattered { light, shadow_origin, shadow_direction, lit, wi, pdf, guided, throughput, origin, direction, alive }
     }
 }

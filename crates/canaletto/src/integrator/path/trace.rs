@@ -106,7 +106,7 @@ pub(super) struct Path {
     /// The factor of the light that it finds next.
     pub(super) throughput: Rgb,
     /// How much more probable its directions were by the guiding field and the surfaces than by the surfaces alone.
-    guided: f32,
+    pub(super) guided: f32,
     /// The number of surfaces, with the next one.
     pub(super) depth: u32,
     /// The number of surfaces of partial coverage that it has passed.

@@ -4,6 +4,7 @@
 //! A lobe's density is κ / (2π (1 − e^−2κ)) e^(κ (μ · ω − 1)). Its distance tells where its light comes from, so that
 //! another point of the cell turns the lobe towards there.
 
+use canaletto_bvh::{InstructionSet, Kernel};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
@@ -54,11 +55,12 @@ impl RadianceSample {
 /// The mixture.
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
-    lobes: [Lobe; LOBES],
     /// The point that the directions lead from.
     pivot: DVec3,
+    /// The mixture there.
+    at_pivot: LocalMixture,
     /// The inverse of each lobe's distance.
-    inverse_distances: [f64; LOBES],
+    inverse_distances: Lanes,
 }
 
 /// Numbers of all lobes, side by side.
@@ -144,32 +146,98 @@ impl Mixture {
                 inverse_distances[i] = inverse_distance / weight;
             }
         }
-        Some(Mixture { lobes, pivot, inverse_distances })
+        let at_pivot = LocalMixture {
+            shares: lobes.map(|lobe| lobe.share as f32),
+            means: [0, 1, 2].map(|axis| lobes.map(|lobe| lobe.mean[axis] as f32)),
+            kappas: lobes.map(|lobe| lobe.kappa as f32),
+            peaks: lobes.map(|lobe| lobe.peak as f32),
+        };
+        Some(Mixture { pivot, at_pivot, inverse_distances: inverse_distances.map(|inverse| inverse as f32) })
     }
 
     /// The mixture at a point near the pivot, times the cosine to a unit normal if there is one.
     pub(super) fn at(&self, point: DVec3, normal: Option<DVec3>) -> LocalMixture {
-        let from_pivot = (self.pivot - point).as_vec3().to_array();
-        let mut shares = self.lobes.map(|lobe| lobe.share as f32);
-        let mut kappas = self.lobes.map(|lobe| lobe.kappa as f32);
-        let mut peaks = self.lobes.map(|lobe| lobe.peak as f32);
+        InstructionSet::run(MoveMixture {
+            mixture: self,
+            from_pivot: (self.pivot - point).as_vec3().to_array(),
+            normal: normal.map(|normal| normal.as_vec3().to_array()),
+        })
+    }
+}
+
+/// Finds the mixture at another point, times a cosine. Loops write to one array each, so that they are vectorised.
+struct MoveMixture<'a> {
+    mixture: &'a Mixture,
+    from_pivot: [f32; 3],
+    normal: Option<[f32; 3]>,
+}
+
+impl Kernel for MoveMixture<'_> {
+    type Answer = LocalMixture;
+
+    #[inline(always)]
+    fn run(self) -> LocalMixture {
+        let near = &self.mixture.inverse_distances;
+        let LocalMixture { mut shares, mut means, mut kappas, mut peaks } = self.mixture.at_pivot;
         // The directions to pivot + μ d.
-        let near = self.inverse_distances.map(|inverse| inverse as f32);
-        let mut means: [Lanes; 3] =
-            [0, 1, 2].map(|axis| lanes(|i| self.lobes[i].mean[axis] as f32 + from_pivot[axis] * near[i]));
+        for axis in 0..3 {
+            for i in 0..LOBES {
+                means[axis][i] += self.from_pivot[axis] * near[i];
+            }
+        }
         normalize(&mut means);
-        if let Some(normal) = normal {
+        if let Some(normal) = self.normal {
             // A product of two lobes is a lobe. Its integral goes into its share.
-            let normal = normal.as_vec3().to_array();
-            means = [0, 1, 2].map(|axis| lanes(|i| means[axis][i] * kappas[i] + normal[axis] * COSINE));
-            let products = normalize(&mut means).map(|kappa| kappa.max(SMALLEST));
-            let product_peaks = peaks_of(products);
-            let ratios = exp(lanes(|i| products[i] - kappas[i] - COSINE));
-            shares = lanes(|i| shares[i] * peaks[i] / product_peaks[i] * ratios[i]);
+            for axis in 0..3 {
+                for i in 0..LOBES {
+                    means[axis][i] = means[axis][i] * kappas[i] + normal[axis] * COSINE;
+                }
+            }
+            let mut products = normalize(&mut means);
+            for i in 0..LOBES {
+                products[i] = if products[i] > SMALLEST { products[i] } else { SMALLEST };
+            }
+            let product_peaks = peaks_of(&products);
+            for i in 0..LOBES {
+                let ratio = exp(products[i] - kappas[i] - COSINE);
+                shares[i] = shares[i] * peaks[i] / product_peaks[i] * ratio;
+            }
             (kappas, peaks) = (products, product_peaks);
         }
-        let total: f32 = shares.iter().sum();
-        LocalMixture { shares: shares.map(|share| share / total), means, kappas, peaks }
+        let mut total = 0.0;
+        for share in shares {
+            total += share;
+        }
+        for share in &mut shares {
+            *share /= total;
+        }
+        LocalMixture { shares, means, kappas, peaks }
+    }
+}
+
+/// Finds the density of a mixture.
+struct Density<'a> {
+    mixture: &'a LocalMixture,
+    direction: [f32; 3],
+}
+
+impl Kernel for Density<'_> {
+    type Answer = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let (LocalMixture { shares, means: [x, y, z], kappas, peaks }, d) = (self.mixture, self.direction);
+        let mut parts = [0.0; LOBES];
+        for i in 0..LOBES {
+            // 1 − μ · ω = |μ − ω|² / 2 keeps its digits near the mean direction.
+            let (x, y, z) = (x[i] - d[0], y[i] - d[1], z[i] - d[2]);
+            parts[i] = shares[i] * peaks[i] * exp(-0.5 * kappas[i] * (x * x + y * y + z * z));
+        }
+        let mut sum = 0.0;
+        for part in parts {
+            sum += f64::from(part);
+        }
+        sum
     }
 }
 
@@ -200,47 +268,48 @@ impl LocalMixture {
 
     /// The density of a unit direction per unit of solid angle.
     pub(super) fn pdf(&self, direction: DVec3) -> f64 {
-        let direction = direction.as_vec3().to_array();
-        // 1 − μ · ω = |μ − ω|² / 2 keeps its digits near the mean direction.
-        let [x, y, z] = [0, 1, 2].map(|axis| lanes(|i| self.means[axis][i] - direction[axis]));
-        let falls = exp(lanes(|i| -0.5 * self.kappas[i] * (x[i] * x[i] + y[i] * y[i] + z[i] * z[i])));
-        let parts = lanes(|i| self.shares[i] * self.peaks[i] * falls[i]);
-        parts.iter().map(|part| f64::from(*part)).sum()
+        InstructionSet::run(Density { mixture: self, direction: direction.as_vec3().to_array() })
     }
-}
-
-#[inline(always)]
-fn lanes(of: impl Fn(usize) -> f32) -> Lanes {
-    std::array::from_fn(of)
 }
 
 /// Gives vectors unit length, and returns the length that they had.
 #[inline(always)]
 fn normalize(vectors: &mut [Lanes; 3]) -> Lanes {
-    let [x, y, z] = *vectors;
-    let lengths = lanes(|i| (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt().max(f32::MIN_POSITIVE));
-    *vectors = vectors.map(|axis| lanes(|i| axis[i] / lengths[i]));
+    let [x, y, z] = vectors;
+    let mut lengths = [0.0; LOBES];
+    for i in 0..LOBES {
+        let length = (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]).sqrt();
+        lengths[i] = if length > f32::MIN_POSITIVE { length } else { f32::MIN_POSITIVE };
+    }
+    for axis in vectors {
+        for i in 0..LOBES {
+            axis[i] /= lengths[i];
+        }
+    }
     lengths
 }
 
 /// κ / (2π (1 − e^−2κ)).
 #[inline(always)]
-fn peaks_of(kappas: Lanes) -> Lanes {
-    let falls = exp(kappas.map(|kappa| -2.0 * kappa));
-    lanes(|i| kappas[i] / (std::f32::consts::TAU * (1.0 - falls[i])))
+fn peaks_of(kappas: &Lanes) -> Lanes {
+    let mut peaks = [0.0; LOBES];
+    for i in 0..LOBES {
+        peaks[i] = kappas[i] / (std::f32::consts::TAU * (1.0 - exp(-2.0 * kappas[i])));
+    }
+    peaks
 }
 
 /// e^x for x ≤ 88, with a relative error below 3e-7: 2^n for the nearest integer n, and the series for the rest.
 #[inline(always)]
-fn exp(x: Lanes) -> Lanes {
+fn exp(x: f32) -> f32 {
+    // 1.5 × 2²³: added to n, its lowest bits are n.
     const ROUND: f32 = 12_582_912.0;
-    x.map(|x| {
-        let t = x.max(-87.0) * std::f32::consts::LOG2_E;
-        let n = (t + ROUND) - ROUND;
-        let f = (t - n) * std::f32::consts::LN_2;
-        let series = 1.0 + f * (1.0 + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + f / 720.0)))));
-        series * f32::from_bits(((n as i32 + 127) as u32) << 23)
-    })
+    let t = if x > -87.0 { x } else { -87.0 } * std::f32::consts::LOG2_E;
+    let rounded = t + ROUND;
+    let f = (t - (rounded - ROUND)) * std::f32::consts::LN_2;
+    let series = 1.0 + f * (1.0 + f * (0.5 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + f / 720.0)))));
+    // A conversion to an integer would have bounds, which cost more than the series.
+    series * f32::from_bits(rounded.to_bits().wrapping_add(127) << 23)
 }
 
 /// The lobes before the first step: some at the brightest places of a coarse grid, others evenly over the sphere.
