@@ -74,8 +74,8 @@ impl Kernel for IntersectMany<'_> {
             clamped[i] = if is_hit { moved } else { f32::NAN };
         }
         let (mut hit, mut irregular) = (0, 0);
-        for i in 0..CUBOID_RAYS {
-            hit |= u32::from(!clamped[i].is_nan()) << i;
+        for (i, t) in clamped.iter().enumerate() {
+            hit |= u32::from(!t.is_nan()) << i;
         }
         for i in 0..CUBOID_RAYS {
             let (origin, neg_reciprocal) = ray(&origin, &direction, i);

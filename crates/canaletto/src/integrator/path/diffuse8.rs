@@ -435,10 +435,10 @@ impl Kernel for Scatter<'_> {
             alive |= u32::from(!throughput.is_black() && throughput.is_finite()) << i;
         }
         if self.has_roulette {
-            for i in 0..LANES {
+            for (i, guided) in guided.into_iter().enumerate() {
                 let before = rgb(&throughput, i);
                 // Guiding makes throughputs small where much light is, and paths there shouldn't end.
-                let survival = survival(before * guided[i]);
+                let survival = survival(before * guided);
                 let is_asked = self.depth[i] > ROULETTE_AFTER;
                 let survives = arrived.u_roulette[i] < f64::from(survival);
                 alive &= !(u32::from(is_asked && !survives) << i);

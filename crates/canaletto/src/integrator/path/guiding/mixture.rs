@@ -180,22 +180,22 @@ impl Kernel for MoveMixture<'_> {
         let near = &self.mixture.inverse_distances;
         let LocalMixture { mut shares, mut means, mut kappas, mut peaks } = self.mixture.at_pivot;
         // The directions to pivot + μ d.
-        for axis in 0..3 {
+        for (row, from_pivot) in means.iter_mut().zip(self.from_pivot) {
             for i in 0..LOBES {
-                means[axis][i] += self.from_pivot[axis] * near[i];
+                row[i] += from_pivot * near[i];
             }
         }
         normalize(&mut means);
         if let Some(normal) = self.normal {
             // A product of two lobes is a lobe. Its integral goes into its share.
-            for axis in 0..3 {
+            for (row, normal) in means.iter_mut().zip(normal) {
                 for i in 0..LOBES {
-                    means[axis][i] = means[axis][i] * kappas[i] + normal[axis] * COSINE;
+                    row[i] = row[i] * kappas[i] + normal * COSINE;
                 }
             }
             let mut products = normalize(&mut means);
-            for i in 0..LOBES {
-                products[i] = if products[i] > SMALLEST { products[i] } else { SMALLEST };
+            for product in &mut products {
+                *product = if *product > SMALLEST { *product } else { SMALLEST };
             }
             let product_peaks = peaks_of(&products);
             for i in 0..LOBES {

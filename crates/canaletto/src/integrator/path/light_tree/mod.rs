@@ -254,7 +254,7 @@ impl Kernel for Importances<'_> {
     fn run(self) -> [f32; ARITY] {
         let Importances { node, to, falloff: [c, l, q], by_cosine } = self;
         let mut importances = [0.0; ARITY];
-        for i in 0..ARITY {
+        for (i, importance) in importances.iter_mut().enumerate() {
             let d = Vec3::new(node.center[0][i], node.center[1][i], node.center[2][i]) - to.point;
             let (d2, r2) = (d.dot(d), node.radius2[i]);
             let inside = d2 <= r2;
@@ -276,10 +276,10 @@ impl Kernel for Importances<'_> {
             let far2 = larger(far2, r2);
             let divisor = larger(c + l * far2.sqrt() + q * far2, f32::MIN_POSITIVE);
             let emitted = if by_cosine { cos_out } else { 1.0 };
-            let importance = node.intensity[i] * emitted * cos_in / divisor;
+            let whole = node.intensity[i] * emitted * cos_in / divisor;
             // A cosine of −1 or less stands for emission in all directions.
             let is_lit = (cos_out > node.cos_e[i]) | (node.cos_e[i] <= -1.0);
-            importances[i] = if is_lit & (importance > 0.0) { smaller(importance, f32::MAX) } else { 0.0 };
+            *importance = if is_lit & (whole > 0.0) { smaller(whole, f32::MAX) } else { 0.0 };
         }
         importances
     }
