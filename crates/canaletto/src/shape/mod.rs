@@ -21,6 +21,7 @@ mod sample_from;
 mod solid;
 mod solve;
 mod sphere;
+mod spherical_ellipse;
 mod spherical_rectangle;
 mod spherical_triangle;
 mod surface;

@@ -27,8 +27,7 @@ pub struct SurfaceSampler {
 
 #[derive(Clone, Debug)]
 pub(super) enum Form {
-    /// The centre, two perpendicular radii and the unit normal.
-    Disk(DVec3, [DVec3; 2], DVec3),
+    Disk(Box<DiskForm>),
     /// A corner, the two edges from there and the unit normal.
     Parallelogram(DVec3, [DVec3; 2], DVec3),
     /// The centre and the radius.
@@ -39,6 +38,18 @@ pub(super) enum Form {
     Box(Cuboid, [f64; 6]),
     Frustum(Box<FrustumForm>),
     Torus(Box<TorusForm>),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct DiskForm {
+    pub(super) center: DVec3,
+    /// Two perpendicular radii and the unit normal, with the digits of `f32`.
+    radii: [DVec3; 2],
+    normal: DVec3,
+    /// The same with all digits, which the solid angle of a grazing disk asks for.
+    pub(super) exact_radii: [DVec3; 2],
+    pub(super) exact_normal: DVec3,
+    pub(super) radius: f64,
 }
 
 /// A cylinder or cone.
@@ -151,8 +162,17 @@ impl SurfaceSampler {
         let (x, y) = normal.any_orthonormal_pair();
         let radius = f64::from(disk.radius);
         let radii = [x.as_dvec3() * radius, y.as_dvec3() * radius];
-        let form = Form::Disk(disk.center.as_dvec3(), radii, normal.as_dvec3());
-        SurfaceSampler { form, area: PI * radii[0].length_squared() }
+        let exact_normal = disk.normal.as_dvec3().normalize();
+        let exact_radius = radii[0].reject_from_normalized(exact_normal).normalize() * radius;
+        let form = DiskForm {
+            center: disk.center.as_dvec3(),
+            radii,
+            normal: normal.as_dvec3(),
+            exact_radii: [exact_radius, exact_normal.cross(exact_radius)],
+            exact_normal,
+            radius,
+        };
+        SurfaceSampler { form: Form::Disk(Box::new(form)), area: PI * radii[0].length_squared() }
     }
 
     fn sphere(sphere: &Sphere) -> SurfaceSampler {
@@ -219,9 +239,9 @@ impl SurfaceSampler {
     /// The point at `u` of the unit square, and the unit normal there.
     pub(crate) fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         match &self.form {
-            Form::Disk(center, [x, y], normal) => {
-                let p = warp::disk([u, v]);
-                (*center + *x * p.x + *y * p.y, *normal)
+            Form::Disk(disk) => {
+                let (p, [x, y]) = (warp::disk([u, v]), disk.radii);
+                (disk.center + x * p.x + y * p.y, disk.normal)
             }
             Form::Parallelogram(corner, [along, up], normal) => (*corner + *along * u + *up * v, *normal),
             Form::Sphere(center, radius) => {
@@ -260,7 +280,7 @@ impl SurfaceSampler {
             points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], p| [min.min(p), max.max(p)])
         };
         match &self.form {
-            Form::Disk(center, [x, y], _) => around(*center, (*x * *x + *y * *y).map(f64::sqrt)),
+            Form::Disk(disk) => around(disk.center, disk.radii.map(|r| r * r).iter().sum::<DVec3>().map(f64::sqrt)),
             Form::Parallelogram(corner, [u, v], _) => {
                 of_points(&mut [DVec3::ZERO, *u, *v, *u + *v].into_iter().map(|p| *corner + p))
             }
@@ -281,7 +301,8 @@ impl SurfaceSampler {
     /// The axis of a cone around all normals, and the cosine of the cone's half angle.
     pub fn normal_cone(&self) -> (DVec3, f64) {
         match &self.form {
-            Form::Disk(.., normal) | Form::Parallelogram(.., normal) => (*normal, 1.0),
+            Form::Disk(disk) => (disk.normal, 1.0),
+            Form::Parallelogram(.., normal) => (*normal, 1.0),
             Form::Triangles(corners, _) => {
                 let axis = corners.iter().map(edges).sum::<DVec3>().normalize_or(DVec3::Z);
                 let cosines = corners.iter().filter_map(|triangle| edges(triangle).try_normalize());

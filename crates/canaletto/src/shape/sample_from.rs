@@ -4,18 +4,20 @@
 //! | surface | from outside | from within |
 //! |---|---|---|
 //! | sphere | the cone in which it is seen | all directions |
-//! | triangle, parallelogram | its solid angle | |
+//! | triangle, parallelogram, disk | its solid angle | |
 //! | box | the solid angle of the faces that are seen | the solid angle of all faces |
-//! | disk, cylinder, cone, torus, several triangles | the whole area | the whole area |
+//! | cylinder, cone, torus, several triangles | the whole area | the whole area |
 //!
-//! Triangles and rectangles of tiny solid angles are sampled by area, as formulas lose their digits there.
+//! Triangles, rectangles and disks of tiny solid angles, as far away or nearly edge-on, are sampled by area. Formulas
+//! lose their digits there. So are disks that nearly touch the point.
 
-use super::sample::{Form, SurfaceSample, SurfaceSampler, edges};
+use super::sample::{DiskForm, Form, SurfaceSample, SurfaceSampler, edges};
+use super::spherical_ellipse::SphericalEllipse;
 use super::spherical_rectangle::SphericalRectangle;
 use super::spherical_triangle::SphericalTriangle;
 use super::{Cuboid, pick_by_area};
 use crate::math::warp;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// The distance of a point from a sphere's surface, as a share of the radius, within which it counts as on it. The
@@ -64,6 +66,13 @@ impl SurfaceSampler {
                 }
                 None => self.area_sample(p, u),
             },
+            Form::Disk(disk) => match seen_disk(disk, p) {
+                Some((seen, [away, across])) => {
+                    let [x, y] = seen.sample(u);
+                    (disk.center + across * x + away * y, disk.exact_normal, 1.0 / seen.solid_angle())
+                }
+                None => self.area_sample(p, u),
+            },
             Form::Box(cuboid, _) => SeenBox::new(cuboid, p).sample(cuboid, p, u)?,
             _ => self.area_sample(p, u),
         };
@@ -88,6 +97,10 @@ impl SurfaceSampler {
             Form::Parallelogram(corner, edges, own) => match SeenParallelogram::new(*corner, *edges, *own, p) {
                 Some(SeenParallelogram::Rectangle(seen)) => 1.0 / seen.solid_angle(),
                 Some(SeenParallelogram::Halves([a, b])) => 1.0 / (a.solid_angle() + b.solid_angle()),
+                None => self.area_pdf(p, point, normal),
+            },
+            Form::Disk(disk) => match seen_disk(disk, p) {
+                Some((seen, _)) => 1.0 / seen.solid_angle(),
                 None => self.area_pdf(p, point, normal),
             },
             Form::Box(cuboid, _) => SeenBox::new(cuboid, p).pdf(p, point, normal),
@@ -164,6 +177,16 @@ fn versine(distance: f64, radius: f64) -> f64 {
 
 fn seen_triangle(corners: &[Vec3; 3], p: DVec3) -> Option<SphericalTriangle> {
     SphericalTriangle::new(corners.map(|corner| corner.as_dvec3() - p))
+}
+
+/// A disk as seen from `p`, with its radii away from the foot of the perpendicular and across. None where the area has
+/// to be sampled.
+fn seen_disk(disk: &DiskForm, p: DVec3) -> Option<(SphericalEllipse, [DVec3; 2])> {
+    let (from, [x, y]) = (disk.center - p, disk.exact_radii);
+    let offset = DVec2::new(from.dot(x), from.dot(y)) / disk.radius;
+    let seen = SphericalEllipse::new(from.dot(disk.exact_normal), offset.length(), disk.radius)?;
+    let away = offset.normalize_or(DVec2::X);
+    Some((seen, [x * away.x + y * away.y, y * away.x - x * away.y]))
 }
 
 /// The point in this direction of the plane through `on` with this normal; none along the plane.

@@ -1,5 +1,5 @@
 use super::super::testing::Random;
-use super::super::{Parallelogram, Shape, Sphere};
+use super::super::{Disk, Parallelogram, Shape, Sphere};
 use super::*;
 
 /// A surface, and whether a direction from the origin meets it.
@@ -64,6 +64,21 @@ fn gallery() -> Vec<Seen<'static>> {
         let (sampler, [a, b, c, d]) = sheet(corner, u, v);
         all.push((name, sampler, Box::new(move |w| meets([a, b, c], w) || meets([a, c, d], w))));
     }
+    for (name, center, normal, radius) in [
+        ("disk", Vec3::new(0.3, -0.2, 1.0), Vec3::new(0.2, 0.5, 1.0), 0.7),
+        ("disk on its axis", Vec3::new(0.4, 0.8, 0.8), Vec3::new(0.4, 0.8, 0.8), 1.0),
+        ("grazing disk", Vec3::new(1.5, 0.4, -0.2), Vec3::new(0.1, 0.1, 1.0), 1.2),
+        ("disk under its rim", Vec3::new(0.7, 0.7, 0.05), Vec3::NEG_Z, 0.98),
+        ("large disk", Vec3::new(5.0, 20.0, 0.3), Vec3::Z, 40.0),
+    ] {
+        let disk = Disk { center, normal, radius };
+        let met = move |w: DVec3| {
+            let (center, normal) = (center.as_dvec3(), normal.as_dvec3());
+            let t = normal.dot(center) / normal.dot(w);
+            t > 0.0 && (w * t - center).length() < f64::from(radius)
+        };
+        all.push((name, Shape::Disk(disk).sampler().unwrap(), Box::new(met)));
+    }
     for (name, min, max) in [
         ("box", Vec3::new(0.5, 0.3, 0.4), Vec3::new(1.0, 1.5, 0.9)),
         ("box ahead", Vec3::new(0.5, -0.3, -0.4), Vec3::new(1.0, 0.5, 0.2)),
@@ -110,7 +125,7 @@ fn axes() -> (DVec3, DVec3, DVec3) {
 #[test]
 fn directions_are_uniform_over_the_solid_angle() {
     let mut random = Random(21);
-    let fine = 200;
+    let fine = 140;
     for (name, sampler, met) in gallery() {
         let mut covered = vec![0.0; (ROWS * COLUMNS) as usize];
         let (x, y, z) = axes();
@@ -195,6 +210,141 @@ fn parts_of_the_square_are_parts_of_the_solid_angle() {
     assert!(by_solid_angle > 15_000);
 }
 
+/// The solid angle of a disk of radius 1 in the plane at distance h, whose centre is at distance y from the foot of the
+/// perpendicular: by azimuths around the foot, whose part of the cosine's integral has a closed form.
+fn solid_angle_of_disk(h: f64, y: f64) -> f64 {
+    let n = 20_000;
+    let mean =
+        |f: &dyn Fn(f64) -> f64| (0..n).map(|i| f((f64::from(i) + 0.5) / f64::from(n))).sum::<f64>() / f64::from(n);
+    if y < 1.0 {
+        TAU * mean(&|x| {
+            let (sin, cos) = (TAU * x).sin_cos();
+            let rim = y * cos + (1.0 - y * y * sin * sin).sqrt();
+            let length = (h * h + rim * rim).sqrt();
+            rim * rim / (length * (length + h))
+        })
+    } else {
+        // The sine of the azimuth is sin s / y.
+        PI * mean(&|x| {
+            let half_chord = (PI * (x - 0.5)).cos();
+            let cos = ((y - 1.0) * (y + 1.0) + half_chord * half_chord).sqrt() / y;
+            let [near, far] = [y * cos - half_chord, y * cos + half_chord].map(|rim| (h * h + rim * rim).sqrt());
+            let difference = 4.0 * y * cos * half_chord / (near * far * (near + far));
+            h * difference * half_chord / (y * cos)
+        })
+    }
+}
+
+/// Places from which a disk of radius 1 is seen: the distance of its plane, and that of its centre along it.
+const VIEWS: [[f64; 2]; 18] = [
+    [1.0, 0.0],
+    [0.01, 0.0],
+    [100.0, 0.0],
+    [1.0, 0.4],
+    [0.3, 0.9],
+    [0.01, 0.5],
+    [0.01, 0.99],
+    [0.01, 1.01],
+    [0.001, 1.0],
+    [1e-4, 1.001],
+    [0.1, 1.5],
+    [0.5, 3.0],
+    [1e-3, 1.7],
+    [1e-4, 2.0],
+    [10.0, 7.0],
+    [1.0, 30.0],
+    [60.0, 80.0],
+    [90.0, 1e-9],
+];
+
+/// The solid angle of a disk is right wherever it is seen from.
+#[test]
+fn solid_angles_of_disks_are_exact() {
+    for d in [0.01, 0.1, 1.0, 7.0, 100.0f64] {
+        // 1 - d / √(d² + r²) without cancellation, of the disk of radius 2.
+        let slant = (d * d + 4.0).sqrt();
+        let exact = TAU * 4.0 / (slant * (slant + d));
+        let own = SphericalEllipse::new(d, 0.0, 2.0).unwrap().solid_angle();
+        assert!((own / exact - 1.0).abs() < 1e-12, "on the axis at {d}: {own} instead of {exact}");
+    }
+    let mut worst = 0.0f64;
+    for [h, y] in VIEWS {
+        let own = SphericalEllipse::new(3.0 * h, 3.0 * y, 3.0).unwrap().solid_angle();
+        let exact = solid_angle_of_disk(h, y);
+        worst = worst.max((own / exact - 1.0).abs());
+        assert!((own / exact - 1.0).abs() < 1e-11, "{h}, {y}: {own} instead of {exact}");
+    }
+    println!("worst {worst:e}");
+    for [h, y] in [[0.0, 0.0], [0.0, 2.0], [1e-9, 0.3], [1e-7, 5.0], [1e4, 0.0], [f64::INFINITY, 1.0], [f64::NAN, 1.0]]
+    {
+        assert!(SphericalEllipse::new(h, y, 1.0).is_none(), "{h}, {y}");
+    }
+}
+
+/// Equal squares of the unit square become equal solid angles of a disk: the areas within their images on the sphere of
+/// directions.
+#[test]
+fn squares_become_equal_parts_of_a_disk() {
+    let (cells, sides) = (6, 100);
+    for [h, y] in VIEWS {
+        let seen = SphericalEllipse::new(h, y, 1.0).unwrap();
+        let direction = |u: [f64; 2]| {
+            let [across, away] = seen.sample(u);
+            assert!(across * across + away * away < 1.0 + 1e-9, "{h}, {y}: {across}, {away}");
+            DVec3::new(across, y + away, h).normalize()
+        };
+        let mut worst = 0.0f64;
+        for (i, j) in (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j))) {
+            let at = |x: f64, y: f64| {
+                direction([(f64::from(i) + x) / f64::from(cells), (f64::from(j) + y) / f64::from(cells)])
+            };
+            let rim: Vec<DVec3> = (0..4 * sides)
+                .map(|k| {
+                    let along = f64::from(k % sides) / f64::from(sides);
+                    match k / sides {
+                        0 => at(along, 0.0),
+                        1 => at(1.0, along),
+                        2 => at(1.0 - along, 1.0),
+                        _ => at(0.0, 1.0 - along),
+                    }
+                })
+                .collect();
+            // Signed triangles around the middle.
+            let a = at(0.5, 0.5);
+            let part =
+                |b: DVec3, c: DVec3| 2.0 * a.dot((b - a).cross(c - a)).atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+            let area: f64 = (0..rim.len()).map(|k| part(rim[k], rim[(k + 1) % rim.len()])).sum();
+            let share = area.abs() * f64::from(cells * cells) / seen.solid_angle();
+            worst = worst.max((share - 1.0).abs());
+        }
+        println!("{h}, {y}: {worst:e}");
+        // Chords instead of curves cost 1e-5.
+        assert!(worst < 3e-5, "{h}, {y}: off by {worst}");
+    }
+}
+
+/// A disk that is far away, nearly edge-on or about touched is sampled by area. The density knows that.
+#[test]
+fn disks_of_no_usable_solid_angle_are_sampled_by_area() {
+    let mut random = Random(25);
+    let disk = Disk { center: Vec3::new(0.3, 0.7, -0.2), normal: Vec3::new(0.2, 0.9, 0.4), radius: 0.5 };
+    let sampler = Shape::Disk(disk).sampler().unwrap();
+    let normal = disk.normal.as_dvec3().normalize();
+    let (x, _) = normal.any_orthonormal_pair();
+    let mut by_area = 0;
+    for _ in 0..20_000 {
+        let [height, offset] = [-10.0, -4.0].map(|least| 0.5 * 10f64.powf(f64::from(random.within(least, 4.0))));
+        let p = disk.center.as_dvec3() + x * offset + normal * height;
+        let Some(sample) = sampler.sample_from(p, uniform(&mut random)) else { continue };
+        let again = sampler.pdf_from(p, sample.point, sample.normal);
+        assert!((again / sample.pdf - 1.0).abs() < 1e-12, "{height}, {offset}: {again} is not {sample:?}");
+        let cos_over_distance2 = sample.normal.dot(p - sample.point) / p.distance(sample.point).powi(3);
+        by_area += u32::from((sample.pdf * cos_over_distance2 * sampler.area() - 1.0).abs() < 1e-12);
+    }
+    println!("{by_area} by area");
+    assert!((5_000..15_000).contains(&by_area), "{by_area} by area");
+}
+
 /// A point never sees the averted faces of a box, and a surface without a solid angle isn't sampled.
 #[test]
 fn averted_faces_are_never_chosen() {
@@ -220,8 +370,17 @@ fn averted_faces_are_never_chosen() {
 #[test]
 fn the_unit_of_length_changes_no_bit() {
     let mut random = Random(24);
-    for (name, sampler, _) in gallery() {
+    let disk = |form: &DiskForm, scale: f32| {
+        let [center, normal] = [form.center, form.exact_normal].map(|v| v.as_vec3());
+        let disk = Disk { center: center * scale, normal, radius: form.radius as f32 * scale };
+        Shape::Disk(disk).sampler().unwrap()
+    };
+    for (name, mut sampler, _) in gallery() {
         let scale = 1024.0;
+        if let Form::Disk(form) = &sampler.form {
+            // With the same normal, rounded once more.
+            sampler = disk(form, 1.0);
+        }
         let larger = match &sampler.form {
             Form::Triangles(corners, _) => SurfaceSampler::triangles(vec![corners[0].map(|p| p * scale)]),
             Form::Parallelogram(corner, [u, v], _) => {
@@ -231,6 +390,7 @@ fn the_unit_of_length_changes_no_bit() {
             Form::Box(Cuboid { min, max }, _) => {
                 Shape::Box(Cuboid { min: *min * scale, max: *max * scale }).sampler().unwrap()
             }
+            Form::Disk(form) => disk(form, scale),
             Form::Sphere(center, radius) => {
                 let (center, radius) = (center.as_vec3() * scale, *radius as f32 * scale);
                 Shape::Sphere(Sphere { center, radius }).sampler().unwrap()
