@@ -9,7 +9,8 @@
 //! | cylinder, cone, torus, several triangles | the whole area | the whole area |
 //!
 //! Triangles, rectangles and disks of tiny solid angles, as far away or nearly edge-on, are sampled by area. Formulas
-//! lose their digits there. So are disks that nearly touch the point.
+//! lose their digits there. So are disks that nearly touch the point, and disks whose points all are about equally far:
+//! there the solid angle gains little and takes longer.
 
 use super::sample::{DiskForm, Form, SurfaceSample, SurfaceSampler, edges};
 use super::spherical_ellipse::SphericalEllipse;
@@ -179,12 +180,22 @@ fn seen_triangle(corners: &[Vec3; 3], p: DVec3) -> Option<SphericalTriangle> {
     SphericalTriangle::new(corners.map(|corner| corner.as_dvec3() - p))
 }
 
+/// How many times as far as the nearest point of a disk the farthest one must be, so that its solid angle is sampled. By
+/// area, the lamp of a Cornell box, all of whose walls are farther away, has 1.06 times the variance in 0.6 of the time.
+const UNEVEN: f64 = 3.0;
+
 /// A disk as seen from `p`, with its radii away from the foot of the perpendicular and across. None where the area has
 /// to be sampled.
 fn seen_disk(disk: &DiskForm, p: DVec3) -> Option<(SphericalEllipse, [DVec3; 2])> {
     let (from, [x, y]) = (disk.center - p, disk.exact_radii);
     let offset = DVec2::new(from.dot(x), from.dot(y)) / disk.radius;
-    let seen = SphericalEllipse::new(from.dot(disk.exact_normal), offset.length(), disk.radius)?;
+    let (height, length) = (from.dot(disk.exact_normal), offset.length());
+    let across = [(length - disk.radius).max(0.0), length + disk.radius];
+    let [nearest2, farthest2] = across.map(|across| height * height + across * across);
+    if farthest2 < UNEVEN * UNEVEN * nearest2 {
+        return None;
+    }
+    let seen = SphericalEllipse::new(height, length, disk.radius)?;
     let away = offset.normalize_or(DVec2::X);
     Some((seen, [x * away.x + y * away.y, y * away.x - x * away.y]))
 }

@@ -65,8 +65,8 @@ fn gallery() -> Vec<Seen<'static>> {
         all.push((name, sampler, Box::new(move |w| meets([a, b, c], w) || meets([a, c, d], w))));
     }
     for (name, center, normal, radius) in [
-        ("disk", Vec3::new(0.3, -0.2, 1.0), Vec3::new(0.2, 0.5, 1.0), 0.7),
-        ("disk on its axis", Vec3::new(0.4, 0.8, 0.8), Vec3::new(0.4, 0.8, 0.8), 1.0),
+        ("disk", Vec3::new(0.3, -0.2, 1.0), Vec3::new(0.2, 0.5, 1.0), 2.2),
+        ("disk on its axis", Vec3::new(0.4, 0.8, 0.8), Vec3::new(0.4, 0.8, 0.8), 4.0),
         ("grazing disk", Vec3::new(1.5, 0.4, -0.2), Vec3::new(0.1, 0.1, 1.0), 1.2),
         ("disk under its rim", Vec3::new(0.7, 0.7, 0.05), Vec3::NEG_Z, 0.98),
         ("large disk", Vec3::new(5.0, 20.0, 0.3), Vec3::Z, 40.0),
