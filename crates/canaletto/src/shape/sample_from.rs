@@ -180,8 +180,8 @@ fn seen_triangle(corners: &[Vec3; 3], p: DVec3) -> Option<SphericalTriangle> {
     SphericalTriangle::new(corners.map(|corner| corner.as_dvec3() - p))
 }
 
-/// How many times as far as the nearest point of a disk the farthest one must be, so that its solid angle is sampled. In a
-/// Cornell box, most of whose points are farther away, the solid angle saved 6 % of the variance and took longer.
+/// How many times as far as the nearest point of a disk the farthest one must be, so that its solid angle is sampled.
+/// In a Cornell box, most of whose points are farther away, the solid angle saved 6 % of the variance and took longer.
 const UNEVEN: f64 = 3.0;
 
 /// A disk as seen from `p`, with its radii away from the foot of the perpendicular and across. None where the area has
