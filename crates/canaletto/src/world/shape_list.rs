@@ -10,7 +10,7 @@ use crate::shape::{CUBOID_RAYS, Shape, ShapeHit, Sphere, set_bits};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
-/// The most shapes that are tested one by one: the number of children of a tree node.
+/// The most shapes that are tested one by one. A tree over twelve shapes took longer.
 pub(super) const MAX_LISTED: usize = 16;
 
 /// Calls `f` with each shape and the range of the rays that may hit it.
