@@ -43,6 +43,8 @@ pub(super) struct PathShadow {
 /// The bits of a shadow ray's key that hold its index.
 const INDEX_BITS: u32 = 24;
 
+const _: () = assert!(PATHS <= 1 << INDEX_BITS);
+
 impl PathShadow {
     /// A number that sorts shadow rays by their sources, lights first. Its lowest bits are the index.
     fn key(&self, index: usize) -> u64 {
