@@ -144,6 +144,20 @@ def medium():
 SCENES = {f.__name__: f for f in (cornell, glass, sky, lights, gap, medium)}
 
 
+def from_pole_to_pole(image):
+    """The image in Mitsuba's convention, where the first and the last row are the poles, not half a row beside them.
+
+    Twice as many rows and one more interpolate to the same radiance.
+    """
+    # Beyond a pole the image goes on half a turn away.
+    half_turn = image.shape[1] // 2
+    around = np.concatenate([np.roll(image[:1], half_turn, 1), image, np.roll(image[-1:], half_turn, 1)])
+    rows = np.empty((2 * len(image) + 1, *image.shape[1:]), dtype=np.float32)
+    rows[1::2] = image
+    rows[::2] = (around[1:] + around[:-1]) / 2
+    return rows
+
+
 def write_image(scene, folder):
     """Writes the sky of a scene as a lat-long picture."""
     import mitsuba as mi
@@ -229,7 +243,7 @@ class Mitsuba:
         if scene.image is not None:
             # Mitsuba's first column lies at +z and goes to +x; ours was chosen by pictures of a lone bright texel.
             turned = transform.rotate([0, 1, 0], 180)
-            description["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(scene.image), "to_world": turned}
+            description["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(from_pole_to_pole(scene.image)), "to_world": turned}
         for number, (kind, name, shape) in enumerate(scene.shapes):
             material = scene.materials[name]
             description[f"shape{number}"] = self.shape(kind, shape) | self.material(material)
