@@ -4,6 +4,7 @@
 mod black_body;
 mod dray;
 mod error_bound;
+mod extremes;
 mod motion;
 mod polynomial;
 mod power;
@@ -15,6 +16,7 @@ pub mod warp;
 pub use black_body::{BLACK_BODY_TEMPERATURES, black_body};
 pub use dray::DRay;
 pub use error_bound::{gamma, offset_origin, rounding};
+pub(crate) use extremes::{larger, smaller};
 pub use motion::{AnimatedTransform, AnimatedTransformError};
 pub use polynomial::{Roots, quadratic, quartic};
 pub(crate) use power::{power, power_all};

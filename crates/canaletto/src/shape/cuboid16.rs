@@ -158,4 +158,12 @@ mod tests {
             assert!(hits > 2000 && alone > 1000, "{hits} {alone}");
         }
     }
+    /// The reciprocal of a denormal number is no `f32`, and the ray is still tested by itself.
+    #[test]
+    fn denormal_directions_miss_nothing() {
+        let near = f32::from_bits(1.0f32.to_bits() + 1);
+        let ray = Ray::new(Vec3::new(-near, 0.0, 0.0), Vec3::new(1e-39, 0.0, 0.0));
+        assert!(BOX.intersect(&ray, INF).is_some());
+        assert_eq!(BOX.intersect_many(&[ray], [INF].into_iter()).irregular, 1);
+    }
 }

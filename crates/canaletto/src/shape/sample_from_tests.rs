@@ -210,8 +210,8 @@ fn parts_of_the_square_are_parts_of_the_solid_angle() {
     assert!(by_solid_angle > 15_000);
 }
 
-/// The solid angle of a disk of radius 1 in the plane at distance h, whose centre is at distance y from the foot of the
-/// perpendicular: by azimuths around the foot, whose part of the cosine's integral has a closed form.
+/// The solid angle of a disk of radius 1 in the plane at distance h. Its centre is at distance y from the foot of the
+/// perpendicular. The sum runs over azimuths around the foot, for which the cosine's integral has a closed form.
 fn solid_angle_of_disk(h: f64, y: f64) -> f64 {
     let n = 20_000;
     let mean =

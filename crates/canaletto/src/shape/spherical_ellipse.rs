@@ -205,9 +205,9 @@ fn root_of_series(wanted: f64, terms: &[f64]) -> f64 {
     x
 }
 
-/// The complete elliptic integral ∫ sin² t / ((cos² t + p sin² t) √(cos² t + k'² sin² t)) dt from 0 to π/2, for
-/// positive k' and p (cel(k', p, 0, 1) of Bulirsch, *Numerical Calculation of Elliptic Integrals and Elliptic Functions
-/// III*, 1969). No terms cancel.
+/// The complete elliptic integral ∫ sin² t / ((cos² t + p sin² t) √(cos² t + k'² sin² t)) dt from 0 to π/2. k' and p
+/// are positive, so no terms cancel. It is cel(k', p, 0, 1) of Bulirsch, *Numerical Calculation of Elliptic Integrals
+/// and Elliptic Functions III*, 1969.
 fn complete(complement: f64, p: f64) -> f64 {
     let (mut qc, mut p) = (complement, p.sqrt());
     let (mut a, mut b, mut e, mut m) = (0.0, 1.0 / p, complement, 1.0);
@@ -227,9 +227,9 @@ fn complete(complement: f64, p: f64) -> f64 {
     FRAC_PI_2 * (b + a * m) / (m * (m + p))
 }
 
-/// The arithmetic-geometric mean of 1 and k, and the incomplete elliptic integral F(φ, k') over the complete one, for
-/// φ in the first quadrant by its cotangent and for the complementary modulus k of k' (el1 of Bulirsch, *Numerical
-/// Calculation of Elliptic Integrals and Elliptic Functions*, 1965).
+/// The arithmetic-geometric mean of 1 and k, and the incomplete elliptic integral F(φ, k') over the complete one. φ
+/// lies in the first quadrant and is given by its cotangent. k is the complementary modulus of k'. It is el1 of
+/// Bulirsch, *Numerical Calculation of Elliptic Integrals and Elliptic Functions*, 1965.
 fn part_of_period(cot: f64, k: f64) -> (f64, f64) {
     let (mut y, mut kc, mut m, mut half_turns, mut doublings) = (cot, k, 1.0, 0.0, 1.0);
     for _ in 0..16 {

@@ -3,7 +3,7 @@
 use super::mesh::Corners;
 use super::solve;
 use super::{Sphere, Surface};
-use crate::math::{DRay, Transform};
+use crate::math::{DRay, Transform, larger};
 use glam::{DVec3, Vec2, Vec3};
 
 /// The number of lanes.
@@ -46,12 +46,6 @@ pub(crate) fn set_bits(mut bits: u32) -> impl Iterator<Item = usize> {
         bits &= bits.wrapping_sub(1);
         index
     })
-}
-
-/// The larger of two numbers, without the rules of `f32::max` for NaN, which cost instructions.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if b > a { b } else { a }
 }
 
 /// Copies the lanes whose bit is set.
@@ -254,8 +248,8 @@ impl SurfaceInputs8 {
         let [a, b, c] = &self.corners;
         for axis in 0..3 {
             for i in 0..SURFACES {
-                let sides = larger((b[axis][i] - a[axis][i]).abs(), (c[axis][i] - a[axis][i]).abs());
-                size[i] = larger(size[i], sides);
+                let sides = larger((c[axis][i] - a[axis][i]).abs(), (b[axis][i] - a[axis][i]).abs());
+                size[i] = larger(sides, size[i]);
             }
         }
         let mut direction = self.direction;

@@ -7,6 +7,7 @@
 use super::PathTracer;
 use super::direct::{ShadowRay, SourcePoint};
 use super::event::power_heuristic;
+use super::guiding::pdf_of_both;
 use super::light_sampler::Source;
 use super::light_tree::Receiver;
 use super::stream::PathShadow;
@@ -87,7 +88,7 @@ struct GuidedVertices {
 struct Arrived {
     normal: DVec3x8,
     facing: DVec3x8,
-    /// The random numbers for sources, and those for directions.
+    /// The random numbers for sources, for the choice between field and surface, and for directions.
     u_source: ([f64; LANES], [[f64; LANES]; 2]),
     u_lobe: [f64; LANES],
     u_direction: [[f64; LANES]; 2],
@@ -367,8 +368,7 @@ impl Scatter<'_> {
     /// The density of a direction by the guiding field and the surface together.
     #[inline(always)]
     fn pdf_of_both(&self, lane: usize, pdf_guide: f64, pdf_scattering: f64) -> f64 {
-        let probability = self.guides.probability[lane];
-        probability * pdf_guide + (1.0 - probability) * pdf_scattering
+        pdf_of_both(self.guides.probability[lane], pdf_guide, pdf_scattering)
     }
 
     /// The origin of a ray that leaves in a direction.

@@ -6,7 +6,7 @@
 use super::emitter::EmitterSample;
 use super::light_sampler::Source;
 use super::light_tree::Receiver;
-use super::trace::Vertex;
+use super::vertex::Vertex;
 use super::{PathEvent, PathTracer, SampledSource, SourceSample};
 use crate::integrator::Probe;
 use crate::integrator::media::NONE;

@@ -16,7 +16,7 @@ use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A source of light that can be sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     /// A light of the world.
     Light(u32),

@@ -1,6 +1,6 @@
 //! Measurements of light by paths that begin at points of space, as a light meter takes them.
 
-use super::trace::{MeterVertex, Vertex};
+use super::vertex::{MeterVertex, Vertex};
 use super::{PathTracer, PreparedPath};
 use crate::integrator::{Measurement, PreparedRayIntegrator, RayIntegrator};
 use crate::math::Rgb;

@@ -29,6 +29,7 @@ mod stream;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod vertex;
 
 use super::media::Media;
 use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};

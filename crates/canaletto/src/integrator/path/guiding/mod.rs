@@ -79,6 +79,12 @@ pub(crate) struct GuidedVertex {
     mixture: LocalMixture,
 }
 
+/// The density of a direction by a guiding field and by scattering together.
+#[inline(always)]
+pub(super) fn pdf_of_both(probability: f64, pdf_guide: f64, pdf_scattering: f64) -> f64 {
+    probability * pdf_guide + (1.0 - probability) * pdf_scattering
+}
+
 impl GuidedVertex {
     /// A random unit direction for `u` of the unit square.
     pub(super) fn sample(&self, u: [f64; 2]) -> DVec3 {
@@ -187,7 +193,7 @@ fn learn(records: &[GuidingRecord], is_final: bool) -> (Option<GuidingLeaf>, Opt
 /// The second moment of the light of records, had their directions been sampled with this guiding probability.
 fn second_moment(records: &[GuidingRecord], probability: f64) -> f64 {
     let of_one = |record: &GuidingRecord| {
-        let pdf = probability * record.pdf_guide + (1.0 - probability) * record.pdf_scattering;
+        let pdf = pdf_of_both(probability, record.pdf_guide, record.pdf_scattering);
         if pdf > 0.0 { record.light * record.light * record.pdf / pdf } else { 0.0 }
     };
     records.iter().map(of_one).sum()

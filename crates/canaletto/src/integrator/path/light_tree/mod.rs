@@ -16,6 +16,7 @@ mod tests;
 
 pub(super) use bounds::{ClusterBounds, NormalCone};
 
+use crate::math::{larger, smaller};
 use build::{BinaryNode, Content, build};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, Vec3};
@@ -287,18 +288,6 @@ impl Kernel for Importances<'_> {
         }
         importances
     }
-}
-
-/// The larger of two numbers, or the second if the first is NaN. Loops with it are vectorised, unlike with `f32::max`.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The smaller of two numbers, or the second if the first is NaN.
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// The largest number below 1.
