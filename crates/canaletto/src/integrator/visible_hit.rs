@@ -159,11 +159,10 @@ pub(in crate::integrator) fn visible_hit<P: Probe>(
             }
         }
         let material = world.material(&hit);
-        // Only textures and probes use texture coordinates.
-        let is_bare = material.is_plain() && !P::ACTIVE;
+        // Only probes use these texture coordinates. Textures use those of the object.
         let mut surface = match known {
-            Some(surface) if is_bare => surface,
-            _ if is_bare => world.surface_without_uv(line, &hit),
+            Some(surface) if !P::ACTIVE => surface,
+            _ if !P::ACTIVE => world.surface_without_uv(line, &hit),
             _ => world.surface(line, &hit),
         };
         let (next, touches) = media.crossing(crossing).map_or((media::NONE, false), |c| (c.next, c.touches));

@@ -1,8 +1,9 @@
 //! Diffuse vertices of eight paths side by side.
 //!
-//! Most vertices of most scenes are diffuse: opaque, of one colour, outside of all bodies. They take the steps of
+//! Most vertices of most scenes are diffuse: opaque, with nothing but kd, outside of all bodies. They take the steps of
 //! [`PathTracer::arrive`] and [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Surfaces,
-//! random numbers, directions and colours are computed for all eight at once, and sources are sampled one by one.
+//! random numbers, directions and colours are computed for all eight at once. Textures are looked up and sources are
+//! sampled one by one.
 
 use super::PathTracer;
 use super::direct::{ShadowRay, SourcePoint};
@@ -14,7 +15,7 @@ use super::stream::PathShadow;
 use super::trace::{Path, ROULETTE_AFTER, survival, uses};
 use crate::integrator::media::NONE;
 use crate::integrator::visible_hit::Frame;
-use crate::material::{DiffuseBsdf, Material, MaterialModel, MaterialPoint};
+use crate::material::{DiffuseBsdf, Material, MaterialModel, MaterialPoint, Parameter, Target};
 use crate::math::{DRay, Rgb, offset_origin};
 use crate::sampler::{Dimension, Samples8};
 use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
@@ -25,24 +26,48 @@ use glam::{DVec3, Vec3};
 /// The number of vertices side by side.
 const LANES: usize = SURFACES;
 
-/// The diffuse colours of a world's materials.
+/// The materials of a world, each with what is known of it if it is diffuse.
 #[derive(Debug, Default)]
-pub(super) struct DiffuseMaterials(Vec<Option<Rgb>>);
+pub(super) struct DiffuseMaterials(Vec<Option<DiffuseMaterial>>);
+
+/// A material whose surfaces all are diffuse, opaque, whole, and dark by themselves.
+#[derive(Debug)]
+enum DiffuseMaterial {
+    /// The colour, unless a surface has one of its own.
+    Plain(Rgb),
+    /// Textures set the colour or bend the normal.
+    Textured,
+}
 
 impl DiffuseMaterials {
-    /// The materials of a world whose surfaces all are diffuse, opaque, whole, and dark by themselves.
     pub(super) fn new(world: &World) -> DiffuseMaterials {
-        DiffuseMaterials(world.materials().iter().map(|material| diffuse_color(material, None)).collect())
+        DiffuseMaterials(world.materials().iter().map(DiffuseMaterial::new).collect())
     }
 }
 
-/// The diffuse colour of a material on a surface with this colour of its own, if it has nothing else.
-fn diffuse_color(material: &Material, color: Option<Rgb>) -> Option<Rgb> {
-    if !(material.is_plain() && material.is_opaque()) || material.may_emit() {
-        return None;
+impl DiffuseMaterial {
+    fn new(material: &Material) -> Option<DiffuseMaterial> {
+        let is_harmless = |target: Target| match target {
+            Target::Parameter(parameter) => parameter == Parameter::Diffuse,
+            Target::Bump | Target::Normal { .. } | Target::Displace { .. } => true,
+            Target::Replace | Target::Decal | Target::Cutout | Target::Metalness => false,
+        };
+        if material.coverage <= 0.0
+            || !material.is_opaque()
+            || material.may_emit()
+            || !material.textures.iter().all(|used| is_harmless(used.target))
+        {
+            return None;
+        }
+        let mut point = MaterialPoint::default();
+        material.set(&mut point, None);
+        let kd = diffuse_color(point)?;
+        Some(if material.is_plain() { DiffuseMaterial::Plain(kd) } else { DiffuseMaterial::Textured })
     }
-    let mut point = MaterialPoint::default();
-    material.set(&mut point, color);
+}
+
+/// The diffuse colour at a point, if the material there has nothing else.
+fn diffuse_color(point: MaterialPoint) -> Option<Rgb> {
     let MaterialModel::Phong(mut phong) = point.model else { return None };
     phong.bound_albedo();
     phong.is_diffuse().then_some(phong.kd)
@@ -142,11 +167,24 @@ impl PathTracer<'_> {
         vertices.paths[lane] = number;
         vertices.inputs.set_line(lane, path.line());
         let DiffuseVertices { inputs, surfaces, .. } = vertices;
-        let color = self.world.push_surface(path.line(), hit, lane, inputs, surfaces);
-        let material = self.world.material_index(hit);
-        let kd = match color {
-            None => self.diffuse.0[material as usize].unwrap_or_default(),
-            Some(color) => diffuse_color(&self.world.materials()[material as usize], Some(color)).unwrap_or_default(),
+        let index = self.world.material_index(hit) as usize;
+        let material = &self.world.materials()[index];
+        let kd = match self.diffuse.0[index] {
+            Some(DiffuseMaterial::Plain(kd)) => {
+                let color = self.world.push_surface(path.line(), hit, lane, inputs, surfaces);
+                color.map_or(kd, |color| {
+                    let mut point = MaterialPoint::default();
+                    material.set(&mut point, Some(color));
+                    diffuse_color(point).unwrap_or_default()
+                })
+            }
+            _ => {
+                let mut surface = self.world.surface_without_uv(*path.line(), hit);
+                let step = path.step(&surface);
+                let point = self.world.textured(*path.line(), hit, &mut surface, step, &mut ());
+                surfaces.set(lane, &surface);
+                diffuse_color(point).unwrap_or_default()
+            }
         };
         set_vec3(&mut vertices.kd, lane, kd.to_array().into());
         self.count_hit(path);

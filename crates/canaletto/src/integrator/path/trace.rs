@@ -9,7 +9,7 @@ use super::light_tree::Receiver;
 use super::vertex::{MediumVertex, MeterVertex, SurfaceVertex, Vertex};
 use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
 use crate::integrator::media::{NONE, Refraction, SIMPLE};
-use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
+use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::material::{
     Bsdf, HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, MediumSample, ScatteringFrame,
@@ -17,6 +17,7 @@ use crate::material::{
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
+use crate::shape::Surface;
 use crate::world::{GeometryProbe, Hit};
 use canaletto_bvh::Ray;
 use glam::DVec3;
@@ -118,6 +119,12 @@ impl Path {
     /// Whether its ray starts outside of all bodies.
     pub(super) fn is_outside(&self) -> bool {
         self.segment.inside == [NONE; 2]
+    }
+
+    /// The offsets along a surface that its ray hits to the hits of the neighbouring rays.
+    pub(super) fn step(&self, surface: &Surface) -> Option<[DVec3; 2]> {
+        let Segment { differential, line, .. } = &self.segment;
+        Footprint::new(differential.as_ref(), line, surface).map(|footprint| footprint.step)
     }
 
     /// The line of its next ray.
