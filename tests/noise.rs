@@ -64,9 +64,9 @@ fn errors(picture: &Picture, reference: &Picture) -> Vec<f64> {
     blocks.iter().map(|(square, light)| square.sqrt() / light.max(darkest)).collect()
 }
 
-/// Every picture has the noise that is asked for, and none has more than 1.2 times that error. Light through a gap, of
-/// small lamps, through glass and out of focus is found by chance, so that few samples may look even where it was
-/// missed. The last number is the largest root mean square error of a block over the pictures.
+/// Every picture has the noise that is asked for, and no picture and no block has more than 1.2 times that error. Light
+/// through a gap, of small lamps, through glass and out of focus is found by chance, so that few samples may look even
+/// where it was missed. The error of a block is the root of its mean square over the pictures.
 #[test]
 fn the_real_error_is_the_one_that_is_asked_for() {
     let seeds: u64 = std::env::var(SEEDS).map_or(2, |seeds| seeds.parse().unwrap());
@@ -100,7 +100,7 @@ fn the_real_error_is_the_one_that_is_asked_for() {
         let picture = errors.iter().map(mean).fold(0.0, f64::max);
         let block = (0..errors[0].len()).map(mean_of_block).fold(0.0, f64::max);
         println!("| {name} | {asked} | {samples:.0} | {picture:.2} | {block:.2} |");
-        if picture > MOST {
+        if picture.max(block) > MOST {
             too_large.push(name);
         }
     }

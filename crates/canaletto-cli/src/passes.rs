@@ -36,8 +36,9 @@ pub(crate) struct PassFlags {
     ///
     /// The noise is the relative error of a block of 8 x 8 pixels: the root of the mean square error, divided by the
     /// block's brightness. In blocks darker than a tenth of the picture's middle one that tenth counts. It is estimated
-    /// by the two halves of each pixel's samples. A block stops after 64 samples or more, when it and its eight
-    /// neighbours are good enough. --samples is the most that a pixel gets.
+    /// by the two halves of each pixel's samples, and the standard error of the mean square is added. A block stops
+    /// after 64 samples or more, when it and its eight neighbours are good enough. --samples is the most that a pixel
+    /// gets.
     #[arg(long, allow_hyphen_values = true, value_name = "ERROR", value_parser = positive, help_heading = "Sampling")]
     pub noise: Option<f32>,
 

@@ -2,8 +2,11 @@
 //! Hanika, Keller & Lensch, *A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination*, 2010).
 //!
 //! The halves of a pixel's samples estimate the same light, so half their difference is an estimate of the error of
-//! their mean. One such number says little. Cells of 8 × 8 pixels take the root of the mean square over all pixels and
-//! components, relative to the cell's brightness. That is the relative error of the cell.
+//! their mean. One such number says little. Cells of 8 × 8 pixels take the mean square over all pixels and components.
+//! Its root, relative to the cell's brightness, is the relative error of the cell.
+//!
+//! The mean square is an estimate, too. Where few pixels hold most of it, it is often too small. Its standard error
+//! over the pixels of the cell is therefore added before the root is taken.
 //!
 //! Light that is rarely found makes no error before it is found. Three rules answer this. No cell stops before it has
 //! [`NoiseEstimate::LEAST_SAMPLES`] samples. It goes on as long as one of its eight neighbours is too noisy. A cell
@@ -21,7 +24,7 @@ pub(super) struct NoiseEstimate {
     /// The sum of the components of each pixel, and the sum of their squared errors.
     light: Vec<f32>,
     squares: Vec<f32>,
-    /// The relative error of each cell, in rows from the upper left.
+    /// The relative error of each cell with its uncertainty, in rows from the upper left.
     errors: Vec<f32>,
     /// Whether a cell needs more samples.
     needed: Vec<bool>,
@@ -79,17 +82,20 @@ impl NoiseEstimate {
         let mut sums = Vec::with_capacity(self.errors.len());
         for y in 0..down {
             for x in 0..across {
-                let (mut light, mut squares, mut pixels) = (0.0f64, 0.0f64, 0u32);
+                let (mut light, mut squares, mut fourths, mut pixels) = (0.0f64, 0.0f64, 0.0f64, 0u32);
                 for row in y * Self::CELL..((y + 1) * Self::CELL).min(self.size[1]) {
                     for column in x * Self::CELL..((x + 1) * Self::CELL).min(self.size[0]) {
                         let pixel = row as usize * self.size[0] as usize + column as usize;
                         light += f64::from(self.light[pixel]);
                         squares += f64::from(self.squares[pixel]);
+                        fourths += f64::from(self.squares[pixel]).powi(2);
                         pixels += 1;
                     }
                 }
                 let components = 3.0 * f64::from(pixels);
-                sums.push((light / components, (squares / components).sqrt(), pixels));
+                // The standard error of the sum, by the scatter of the pixels.
+                let standard_error = (fourths - squares * squares / f64::from(pixels)).max(0.0).sqrt();
+                sums.push((light / components, ((squares + standard_error) / components).sqrt(), pixels));
             }
         }
         let mut lights: Vec<f64> = sums.iter().map(|(light, ..)| *light).filter(|light| *light > 0.0).collect();
@@ -136,13 +142,14 @@ mod tests {
 
     #[test]
     fn a_noisy_cell_keeps_its_neighbours_at_work() {
-        // The root of the mean of (difference / 2)² over 64 pixels.
+        // The mean of (difference / 2)² over 64 pixels is 1, and its standard error nearly 1.
         let mut noise = estimate(0.1, 16.0);
         assert_eq!(noise.judge(64), 16 * 16);
-        assert!((noise.largest() - 1.0).abs() < 1e-6);
+        let exact = (1.0 + (63.0f64 / 64.0).sqrt()).sqrt() as f32;
+        assert!((noise.largest() - exact).abs() < 1e-6);
         assert_eq!(noise.needed, [true, true, false, true, true, false, false, false, false]);
-        assert_eq!(estimate(1.01, 16.0).judge(64), 0);
-        assert_eq!(estimate(0.99, 16.0).judge(64), 16 * 16);
+        assert_eq!(estimate(1.01 * exact, 16.0).judge(64), 0);
+        assert_eq!(estimate(0.99 * exact, 16.0).judge(64), 16 * 16);
     }
 
     #[test]
