@@ -16,6 +16,8 @@ use canaletto::shape::{
 };
 use canaletto::world::{Hit, World};
 use canaletto_bvh::Ray;
+use canaletto_io::assets::MemoryAssets;
+use canaletto_io::text::read_scene_text;
 use canaletto_tests::assert_same_picture;
 use canaletto_tests::gallery::{still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
@@ -357,4 +359,27 @@ fn what_a_zbuffer_cannot_do_is_told_by_name() {
     }
     let classic = Job { integrator: WhittedSettings::default().into(), ..job };
     assert!(omissions(&world, &classic).is_empty());
+}
+
+/// A medium without a surface is left out, as light passes where it begins.
+#[test]
+fn media_without_a_surface_are_left_out() {
+    let scene = |ball: &str| {
+        let text = format!(
+            "camera {{ eye 0 0 4; center 0 0 0; fovy 40; size 32 24 }}\nbackground 0.7\nintegrator \"zbuffer\"\n\
+             material \"fog\" {{ medium {{ absorption 0.1; scattering 0.5 }} }}\nmaterial \"wall\" {{ kd 0.5 }}\n\
+             light \"omni\" {{ position 0 5 5; intensity 1 }}\n\
+             box material=\"wall\" {{ min -3 -2 -3; max 3 -1 2 }}\n{ball}"
+        );
+        read_scene_text(&text, "s", &MemoryAssets::new(), &[]).unwrap().0
+    };
+    let picture = |ball: &str| {
+        let scene = scene(ball);
+        let world = World::build(scene.clone()).unwrap();
+        let job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+        render(&world, &job, &()).unwrap().picture
+    };
+    let ball = |material: &str| format!("sphere material=\"{material}\" {{ center 0 0 0; radius 1 }}");
+    assert_eq!(picture(&ball("fog")).pixels, picture("").pixels);
+    assert_ne!(picture(&ball("wall")).pixels, picture("").pixels);
 }

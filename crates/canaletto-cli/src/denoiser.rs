@@ -135,8 +135,9 @@ pub(crate) fn of_rendering(picture: &Picture) -> NoisyPicture {
     }
 }
 
+/// The halves of a picture's samples, if they tell its noise. A single sample is in both, so that they are equal.
 fn halves([a, b]: [Option<Vec<Rgb>>; 2]) -> Option<[Vec<Rgb>; 2]> {
-    Some([a?, b?])
+    Some([a?, b?]).filter(|[a, b]| a != b)
 }
 
 /// A picture of a file with the layers that it has, by their names.
@@ -166,7 +167,7 @@ fn zipped<'a>([a, b, c]: [&'a [f32]; 3]) -> impl Iterator<Item = [f32; 3]> + Clo
 pub(crate) fn lacks(picture: &NoisyPicture) -> Option<String> {
     let mut parts = Vec::new();
     if picture.halves.is_none() {
-        parts.push("without half-a and half-b the noise is guessed from neighbouring pixels".to_owned());
+        parts.push("without two halves of its samples the noise is guessed from neighbouring pixels".to_owned());
     }
     let features = [
         (picture.albedo.is_none(), Aov::DenoisingAlbedo, "textures"),

@@ -6,7 +6,7 @@ use crate::failure::{Failure, eprint_line};
 use crate::interrupt;
 use crate::layers;
 use crate::output::{film_failed, unfit};
-use crate::partial::{UNFINISHED, free_partial_path, remove_part};
+use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
 use crate::progress::Style;
 use canaletto::Named;
@@ -71,7 +71,7 @@ impl<'a> FrameWriter<'a> {
             interrupt::Rendering::saves();
             let picture = &frame.rendering.picture;
             if let Some(format) = plan.output.format.picture().filter(|format| format.has_rows(picture)) {
-                names.push(self.write_rows(format, frame, &files[0])?);
+                names.push(self.write_rows(format, frame, &files[0], &self.settings(frame))?);
             }
         }
         if names.is_empty() {
@@ -84,6 +84,13 @@ impl<'a> FrameWriter<'a> {
             eprint_line("saving the part took too long: its lower rows, or layers, may be missing");
         }
         Ok(names)
+    }
+
+    /// Writes the samples of a partial picture beside its file, for formats that hold no samples; returns the name.
+    pub(crate) fn write_samples(&self, frame: &FramePicture<'_>) -> Result<String, Failure> {
+        let file = with_samples(&self.plan.files(frame.job.frame)[0]);
+        let settings = EncodeSettings { bits: None, ..self.settings(frame) };
+        self.write_rows(PictureFormat::Exr, frame, &file, &settings)
     }
 
     /// Gives the film its name, if there is one.
@@ -114,11 +121,17 @@ impl<'a> FrameWriter<'a> {
     }
 
     /// Writes a partial picture with its layers beside its file, row by row; returns its name.
-    fn write_rows(&self, format: PictureFormat, frame: &FramePicture<'_>, file: &Path) -> Result<String, Failure> {
+    fn write_rows(
+        &self,
+        format: PictureFormat,
+        frame: &FramePicture<'_>,
+        file: &Path,
+        settings: &EncodeSettings,
+    ) -> Result<String, Failure> {
         let rendered = Rendered { picture: &frame.rendering.picture, film: &frame.job.film };
-        let (settings, texts) = (self.settings(frame), frame.texts(None));
+        let texts = frame.texts(None);
         let place = self.plan.output.write_part_with(file, |out| {
-            format.write_rows(&rendered, &settings, &texts, out, &interrupt::has_time_to_save)
+            format.write_rows(&rendered, settings, &texts, out, &interrupt::has_time_to_save)
         })?;
         Ok(place.display().to_string())
     }

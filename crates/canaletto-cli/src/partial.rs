@@ -33,11 +33,19 @@ pub(crate) fn free_partial_path(file: &Path) -> PathBuf {
     (1..).map(|n| numbered(file, n)).find(is_free).unwrap_or_else(|| partial(file))
 }
 
-/// Removes the partial file that an earlier run left beside a complete one.
+/// The name under which a part keeps the samples of a picture whose own format can't.
+pub(crate) fn with_samples(file: &Path) -> PathBuf {
+    let mut name = file.as_os_str().to_owned();
+    name.push(".exr");
+    name.into()
+}
+
+/// Removes the partial files that an earlier run left beside a complete one.
 pub(crate) fn remove_part(whole: &Path) {
-    let part = partial(whole);
-    if is_part(&part) {
-        let _ = fs::remove_file(part);
+    for part in [partial(whole), partial(&with_samples(whole))] {
+        if is_part(&part) {
+            let _ = fs::remove_file(part);
+        }
     }
 }
 

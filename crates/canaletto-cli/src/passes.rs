@@ -11,7 +11,7 @@ use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
-use canaletto::scene::{SamplerKind, Sampling};
+use canaletto::scene::{Integrator, SamplerKind, Sampling};
 use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
 use serde_json::json;
@@ -116,8 +116,13 @@ impl PassFlags {
             job.film.sampling = Sampling::Sampled(Sampling::MAX_SAMPLES - self.first_sample);
         }
         if let Err(why) = job.passes() {
-            return Err(Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}"))
-                .help("render it with --integrator path"));
+            let help = match job.integrator {
+                Integrator::Path(_) => "leave --pattern out, and --sampler unless it is sobol",
+                _ => "render it with --integrator path",
+            };
+            return Err(
+                Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}")).help(help)
+            );
         }
         if self.time.is_some() && job.film.sampler == SamplerKind::BlueNoise {
             return Err(Failure::usage("--time: the blue-noise sampler needs to know the number of samples first")

@@ -118,10 +118,14 @@ impl Report {
     pub(crate) fn text(&self, sampling: &str) -> String {
         let mut out = String::new();
         let [width, height] = self.size;
+        let is_exr = |file: &str| file.ends_with(".exr");
         let files = match &self.files[..] {
             [] => String::from("nothing written"),
             [only] if only == "-" => String::from("standard output"),
             [only] => only.clone(),
+            [first, samples] if !self.complete && is_exr(samples) && !is_exr(first) => {
+                format!("{first} and its samples in {samples}")
+            }
             [first, more @ ..] => format!("{first} and {}", plural(more.len() as u64, "layer")),
         };
         // What a render with an open end made isn't what it was allowed to.

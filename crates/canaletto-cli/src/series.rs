@@ -300,7 +300,16 @@ impl<'a> Series<'a> {
         let files = if rendering.complete {
             self.writer.write(&frame_picture)?
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
-            self.writer.write_part(&frame_picture)?
+            let mut files = self.writer.write_part(&frame_picture)?;
+            let format = plan.output.format;
+            let has_room = plan.output.has_place_beside(&plan.files(frame)[0]) && !plan.numbered;
+            if format.picture().is_some() && !format.has_layers() && has_room && rendering.samples.is_some() {
+                texts.push(frame_context.scene_digest.clone());
+                add_samples(&mut rendering, &mut texts);
+                let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };
+                files.push(self.writer.write_samples(&frame_picture)?);
+            }
+            files
         } else {
             Vec::new() // A black picture is worthless, and a film has whole frames.
         };
@@ -550,10 +559,8 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
     if let (Some(samples), Some(file)) = (&report.samples, report.files.first())
         && samples.fewest > 0
     {
-        let go_on = match file.ends_with(".exr") {
-            true => format!("; --continue {file} goes on with it"),
-            false => String::new(),
-        };
+        let kept = report.files.iter().find(|file| file.ends_with(".exr"));
+        let go_on = kept.map_or_else(String::new, |kept| format!("; --continue {kept} goes on with it"));
         return format!("{paint} each pixel has {}; {file} has the picture{go_on}", samples.words());
     }
     let percent = percent(report);

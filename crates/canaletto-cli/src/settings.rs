@@ -51,6 +51,10 @@ impl Settings {
             Some(other) if other.name() != scene.integrator.name() => other,
             _ => scene.integrator,
         };
+        if let Some(flag) = needless(flags, &integrator) {
+            let message = format!("{flag}: integrator \"{}\" has no such setting", integrator.name());
+            return Err(Failure::usage(message).help("leave it out, or give --integrator whitted"));
+        }
         if flags.no_shadows
             && let Some(settings) = integrator.zbuffer_mut()
         {
@@ -79,6 +83,16 @@ impl Settings {
         let (pixels, most) = (count(pixels), count(MAX_PIXELS));
         Err(Failure::usage(format!("a picture of {width} x {height} has {pixels} pixels; the most is {most}"))
             .help("render it in parts with --crop"))
+    }
+}
+
+/// The flag of shading stages or shadows that is given and that this integrator has no meaning for.
+fn needless(flags: &PictureFlags, integrator: &Integrator) -> Option<&'static str> {
+    let is_physical = matches!(integrator, Integrator::Path(_));
+    match (flags.stage.is_some() && is_physical, flags.no_shadows && is_physical) {
+        (true, _) => Some("--stage"),
+        (false, true) => Some("--no-shadows"),
+        (false, false) => None,
     }
 }
 

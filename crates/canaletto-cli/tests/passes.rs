@@ -139,6 +139,32 @@ fn an_interrupted_picture_goes_on() {
     assert!(!folder.path("a.partial.exr").exists(), "the whole picture makes the part obsolete");
 }
 
+/// A PNG holds no samples, so an EXR beside its part does.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_png_goes_on() {
+    let folder = Folder::new();
+    let arguments = "render s.kdl --size 96x64 --samples 4096 --progress json -o a.png";
+    let mut child = folder.command(arguments).stderr(Stdio::piped()).spawn().unwrap();
+    let lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+    let mut last = String::new();
+    for line in lines.map_while(Result::ok) {
+        if line.contains("\"samples\":16,") && line.contains("\"event\":\"pass\"") {
+            assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        }
+        last = line;
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let done: serde_json::Value = serde_json::from_str(&last).unwrap();
+    assert_eq!(done["files"], serde_json::json!(["a.partial.png", "a.png.partial.exr"]));
+    let wanted = (done["samples"]["most"].as_u64().unwrap() + 1).next_power_of_two();
+    let run = format!("render s.kdl --size 96x64 --samples {wanted} -q");
+    folder.says(&format!("{run} --continue a.png.partial.exr -o a.png"), 0, &[]);
+    folder.says(&format!("{run} -o whole.png"), 0, &[]);
+    folder.same("a.png", "whole.png");
+    assert!(!folder.path("a.partial.png").exists() && !folder.path("a.png.partial.exr").exists());
+}
+
 #[test]
 fn a_time_has_as_many_passes_as_fit() {
     let folder = Folder::new();
@@ -204,4 +230,27 @@ fn a_live_preview_is_a_whole_picture_after_each_pass() {
     child.kill().unwrap();
     child.wait().unwrap();
     folder.says("render s.kdl --preview=live.gif", 2, &["--preview=live.gif"]);
+}
+
+/// The two halves of one sample are equal, and still its noise isn't zero.
+#[test]
+fn one_sample_is_denoised() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q --samples 1 -o noisy.png", 0, &[]);
+    folder.says("render s.kdl --samples 1 --denoise -o clean.png", 0, &["guessed from neighbouring", "wavelets 100%"]);
+    folder.says("compare noisy.png clean.png", 0, &["differing"]);
+}
+
+#[test]
+fn settings_of_the_classic_integrator_are_refused() {
+    let folder = Folder::new();
+    for flag in ["--stage unlit", "--no-shadows"] {
+        let name = flag.split(' ').next().unwrap();
+        folder.says(
+            &format!("render s.kdl {flag} -o a.png"),
+            2,
+            &[name, "integrator \"path\"", "--integrator whitted"],
+        );
+        folder.says(&format!("render s.kdl {flag} -q --integrator whitted -o a.png"), 0, &[]);
+    }
 }

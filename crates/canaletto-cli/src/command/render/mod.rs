@@ -14,7 +14,7 @@ use crate::layers::MAPPINGS;
 use crate::memory::Memory;
 use crate::output::{OutputFlags, replaced};
 use crate::output_format::Format;
-use crate::partial::partial;
+use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
 use crate::series::Series;
@@ -150,8 +150,9 @@ fn long_help() -> String {
         "{EXAMPLES}\n\n{MAPPINGS}\n\nCtrl-C stops rendering and saves the finished part beside the picture, as \
          name.partial.png. An existing name.png stays. The next complete picture removes the part. Layers, frames and \
          films have such parts, too; the part of a film has the frames so far. Finished frames stay, and the same \
-         command continues with the next frame. A picture by paths keeps the samples that its pixels have: its part is whole after the first pass, \
-         and --continue name.partial.exr goes on with it. The program ends within two seconds. A part that takes longer to save \
+         command continues with the next frame. A picture by paths keeps the samples that its pixels have: its part \
+         is whole after the first pass, and --continue name.partial.exr goes on with it. The samples of a single \
+         name.png are kept beside its part, as name.png.partial.exr. The program ends within two seconds. A part that takes longer to save \
          has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program at once."
     )
 }
@@ -197,7 +198,7 @@ impl Task {
         let preview = self.flags.preview.clone().flatten();
         let pictures = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
         pictures
-            .flat_map(|file| [partial(&file), file])
+            .flat_map(|file| [partial(&file), partial(&with_samples(&file)), file])
             .chain(self.flags.solution.save_solution.clone())
             .chain(preview)
             .chain(steps)

@@ -126,7 +126,11 @@ impl<'w> Zbuffer<'w> {
             sites: &sites,
             compares_curves: true,
             with_unbounded: true,
-            traits: world.materials().iter().map(|material| [true, has_holes(material)]).collect(),
+            traits: world
+                .materials()
+                .iter()
+                .map(|material| [!omissions::is_invisible(material), has_holes(material)])
+                .collect(),
         };
         let binned = stage.run(&cancelled)?;
         let maps = match settings.shadows {
