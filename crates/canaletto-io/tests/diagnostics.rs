@@ -411,6 +411,11 @@ fn what_is_black_without_lights_is_told() {
         (format!("{print}\n{floor}"), Some(SOME)),
         (format!("{print}\n{floor}\nambient 0.1"), None),
         (format!("material \"m\" {{ emission 1 }}\n{floor}"), None),
+        (format!("integrator \"path\"\n{matte}"), Some(ALL)),
+        (format!("integrator \"path\"\nambient 0.5\n{clear}\n{floor}"), Some(ALL)),
+        (format!("integrator \"path\"\n{matte}\nbackground 1"), None),
+        (format!("integrator \"path\"\n{matte}\nenvironment \"gradient\" {{ stops 0 1 1 1 90 1 1 1 }}"), None),
+        (format!("integrator \"path\"\nmaterial \"m\" {{ emission 1 }}\n{floor}"), None),
     ] {
         let sphere = "camera { eye 0 0 5 }\nsphere material=\"m\" { center 0 0 0; radius 1 }";
         let warnings = text(&format!("{text_of_scene}\n{sphere}")).unwrap().1.to_string();
@@ -538,12 +543,14 @@ fn setting_a_word_takes_away_the_one_that_it_excludes() {
         film { sample "regular" }
         light "disk" { position 0 9 0; normal 0 -1 0; radius 1; points 16 }
         light "spot" name="s" { position 0 9 0; target 0 0 0; inner 10; outer 20 }
-        sphere { center 0 0 0; radius 1 }
+        material "m" { dielectric 1.5; alpha 0.2 }
+        sphere material="m" { center 0 0 0; radius 1 }
     "#;
     for set in [
         &["light.samples=4", "film.samples=9"][..],
         &["film.samples=9", "film.sample=\"jittered\""],
         &["light.s.exponent=3"],
+        &["material.m.roughness=0.5", "material.m.alpha=0.1"],
     ] {
         let set: Vec<String> = set.iter().map(|set| (*set).into()).collect();
         // `light.samples` applies only to area lights.

@@ -1,6 +1,6 @@
 //! The validation of nodes against their schema.
 
-use super::arithmetic::{closest_color, closest_medium, takes_media};
+use super::arithmetic::{MEDIA, closest_color, closest_medium, takes_media};
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{self, TRANSFORMS};
@@ -9,6 +9,7 @@ use super::report::{Message, Report};
 use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::suggest::{described, shortened};
 use super::syntax::{Node, Span, Value, ValueKind};
+use crate::diagnostic::word_list;
 
 /// The context of validation: the report and the files.
 pub(crate) struct Validator<'a> {
@@ -291,7 +292,7 @@ impl<'a> Validator<'a> {
                     },
                     Some(text) if takes_media(subject) => match closest_medium(text) {
                         Some(medium) => format!("did you mean \"{medium}\"?"),
-                        None => String::new(),
+                        None => format!("media have these names: {}", word_list(&MEDIA.map(|(name, ..)| name), "and")),
                     },
                     _ => String::new(),
                 };
@@ -315,7 +316,9 @@ fn plural(word: &str) -> String {
         "axis" => "axes".into(),
         "radius" => "radii".into(),
         "box" | "matrix" | "axes" | "points" | "caps" | "shadows" | "data" | "kd" | "ks" => format!("\"{word}\""),
-        _ if word.len() <= 2 || word.contains('-') => format!("\"{word}\""),
+        _ if word.ends_with("ss") => format!("{word}es"),
+        _ if word.ends_with("ty") || word.ends_with("py") => format!("{}ies", &word[..word.len() - 1]),
+        _ if word.len() <= 2 || word.ends_with('s') || word.contains('-') => format!("\"{word}\""),
         _ => format!("{word}s"),
     }
 }

@@ -6,6 +6,7 @@ mod names;
 mod object;
 mod roll;
 mod settings;
+mod surfaces;
 mod transform;
 mod warnings;
 mod without_lights;
@@ -21,11 +22,14 @@ use super::validate::Validator;
 use crate::assets::Assets;
 use crate::import::DEFAULT_SAMPLING;
 use canaletto::Named;
+use canaletto::material::Material;
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Integrator, Sampling, Scene, Stage, View};
+use canaletto::shape::Shape;
 use names::Names;
 pub(crate) use roll::Neighbours;
 use std::collections::HashMap;
+use surfaces::each_surface;
 pub(crate) use transform::TransformReader;
 use without_lights::Black;
 
@@ -192,6 +196,7 @@ impl Decoder<'_> {
         } else if !has(true) {
             self.warn_of_black_surfaces();
         }
+        self.warn_of_open_bodies(nodes);
         // An included file of materials has more of them than one scene needs.
         for node in nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name && node.name_span.file == 0) {
             let Some(value) = node.values.first() else { continue };
@@ -207,19 +212,62 @@ impl Decoder<'_> {
 }
 
 impl Decoder<'_> {
+    /// Warns of what should fill a shape that isn't closed.
+    fn warn_of_open_bodies(&mut self, nodes: &[Node]) {
+        let fills =
+            |material: &Material| material.standard.is_none() && !material.medium.is_vacuum() && !material.is_opaque();
+        if !self.scene.materials.iter().any(fills) {
+            return;
+        }
+        let mut open: Vec<Option<&Shape>> = vec![None; self.scene.materials.len()];
+        each_surface(&self.scene, &mut |content, material| {
+            if let (Content::Shape(shape), Some(index)) = (content, material)
+                && !shape.is_closed()
+                && let Some(place) = open.get_mut(index as usize)
+            {
+                place.get_or_insert(shape);
+            }
+        });
+        for node in nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name) {
+            let Some(value) = node.values.first() else { continue };
+            let index = value.as_text().and_then(|name| self.materials.get(name)).map(|index| *index as usize);
+            let Some((index, shape)) = index.and_then(|index| Some((index, open[index]?))) else { continue };
+            if fills(&self.scene.materials[index]) {
+                let message =
+                    format!("absorption and media fill closed bodies only, and a {} here isn't closed", shape.kind());
+                let help = "closed are spheres, boxes, tori, cylinders and cones with caps, and meshes without holes";
+                self.validator.report.push(Message::warning(Some(value.span), message).help(help));
+            }
+        }
+    }
+
     /// Warns of surfaces that are black, in a scene without lights.
     fn warn_of_black_surfaces(&mut self) {
+        if matches!(self.scene.integrator, Integrator::Path(_)) {
+            return self.warn_of_darkness();
+        }
         let is_lit = self.scene.environment.as_ref().is_some_and(|around| around.ambient || around.has_sun());
         let stage = self.scene.integrator.whitted().map_or(Stage::Unlit, |settings| settings.stage);
         if is_lit || self.scene.ambient != Rgb::BLACK || stage == Stage::Unlit {
             return;
         }
-        let black = match Black::of(&self.scene, stage) {
-            Black { not_all: false, .. } => "everything in it is",
+        match Black::of(&self.scene, stage) {
+            Black { not_all: false, .. } => self.tell_black("everything in it is"),
             // What takes emission for a light is told once the world is built.
-            Black { some: true, emits: false, .. } => "surfaces that only reflect light are",
-            _ => return,
-        };
+            Black { some: true, emits: false, .. } => self.tell_black("surfaces that only reflect light are"),
+            _ => {}
+        }
+    }
+
+    /// Warns of a scene in which paths find no light: nothing emits, and nothing shines around it.
+    fn warn_of_darkness(&mut self) {
+        let is_dark = self.scene.environment.is_none() && self.scene.background == Rgb::BLACK;
+        if is_dark && !Black::of(&self.scene, Stage::Full).not_all {
+            self.tell_black("everything in it is");
+        }
+    }
+
+    fn tell_black(&mut self, black: &str) {
         let message = Message::warning(None, format!("the scene has no lights, so {black} black"));
         self.validator.report.push(message.help("for example: light \"omni\" { position 40 120 0 }"));
     }

@@ -49,6 +49,21 @@ impl Decoder<'_> {
         }
     }
 
+    /// Warns of a field that changes nothing, and tells why.
+    pub(crate) fn doubt_effect<T>(
+        &mut self,
+        fields: &Fields,
+        field: &Field<T>,
+        has_effect: bool,
+        since: &str,
+        help: &str,
+    ) {
+        if fields.has(field) && !has_effect {
+            let message = format!("{} has no effect, since {since}", field.name());
+            self.validator.report.push(Message::warning(Some(fields.span(field)), message).help(help));
+        }
+    }
+
     /// Warns of `two-sided` on a material that emits nothing.
     pub(crate) fn doubt_two_sided(&mut self, fields: &Fields, two_sided: &Field<bool>, emits: bool) {
         if fields.get(two_sided) == Some(true) && !emits {

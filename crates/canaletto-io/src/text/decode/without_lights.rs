@@ -1,9 +1,9 @@
 //! What the classic integrator shows of a scene without lights and without ambient light.
 
+use super::surfaces::each_surface;
 use canaletto::material::{Material, Parameter, Target};
 use canaletto::math::Rgb;
-use canaletto::scene::{Content, Node, Scene, Stage};
-use std::collections::HashSet;
+use canaletto::scene::{Scene, Stage};
 
 /// The surfaces that are black without lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,59 +31,14 @@ impl Black {
                         || material.has_holes());
             [is_seen, material.may_emit()]
         };
-        let shows = scene.materials.iter().map(shows).collect();
-        let mut walk = Walk { scene, shows, visited: HashSet::new(), black: Black::default() };
-        walk.nodes(&scene.nodes, None, 0);
-        walk.black
-    }
-}
-
-/// A walk over all surfaces.
-struct Walk<'a> {
-    scene: &'a Scene,
-    /// Whether surfaces of each material aren't black, and whether they emit.
-    shows: Vec<[bool; 2]>,
-    /// The prototypes that were visited, with the material around them.
-    visited: HashSet<(u32, Option<u32>)>,
-    black: Black,
-}
-
-impl<'a> Walk<'a> {
-    fn nodes(&mut self, nodes: &'a [Node], inherited: Option<u32>, depth: usize) {
-        // Deeper scenes are rejected when the world is built.
-        if depth > Node::MAX_NESTING {
-            return;
-        }
-        for node in nodes {
-            let material = node.material.or(inherited);
-            match &node.content {
-                Content::Light(_) => {}
-                Content::Group(children) => self.nodes(children, material, depth + 1),
-                Content::Instance(index) => {
-                    if self.visited.insert((*index, material))
-                        && let Some(prototype) = self.scene.prototypes.get(*index as usize)
-                    {
-                        self.nodes(std::slice::from_ref(prototype), material, depth + 1);
-                    }
-                }
-                Content::Mesh(index) if node.material.is_none() => {
-                    let own = self.scene.meshes.get(*index as usize).map_or(&[][..], |mesh| &mesh.materials);
-                    own.iter().for_each(|material| self.surface(Some(*material)));
-                    if own.is_empty() {
-                        self.surface(material);
-                    }
-                }
-                Content::Shape(_) | Content::Mesh(_) | Content::Spheres(_) | Content::Cylinders(_) => {
-                    self.surface(material);
-                }
-            }
-        }
-    }
-
-    fn surface(&mut self, material: Option<u32>) {
-        let [is_seen, emits] = material.and_then(|index| self.shows.get(index as usize)).copied().unwrap_or_default();
-        self.black.not_all |= is_seen;
-        self.black.some |= !is_seen;
-        self.black.emits |= emits;
+        let shows: Vec<[bool; 2]> = scene.materials.iter().map(shows).collect();
+        let mut black = Black::default();
+        each_surface(scene, &mut |_, material| {
+            let [is_seen, emits] = material.and_then(|index| shows.get(index as usize)).copied().unwrap_or_default();
+            black.not_all |= is_seen;
+            black.some |= !is_seen;
+            black.emits |= emits;
+        });
+        black
     }
 }

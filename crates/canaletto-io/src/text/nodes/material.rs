@@ -58,7 +58,7 @@ fn default_of(parameter: Parameter) -> String {
     }
 }
 
-const COVERAGE: Field<f32> = Field::new(
+pub(super) const COVERAGE: Field<f32> = Field::new(
     "coverage",
     "the share of the surface that is there, 0 to 1, as alpha has it: the rest shades nothing and bends nothing",
 )
@@ -131,6 +131,9 @@ const MEDIUM_FIELD: Field<Block> = Field::block(&MEDIUM, "smoke, fog or another 
 
 const ALPHA: Field<f32> =
     Field::new("alpha", "instead of roughness: its square, the width of the distribution of microfacets");
+
+/// Two ways to say how rough a surface is.
+pub(super) const ROUGHNESS_OR_ALPHA: [&str; 2] = [Parameter::ALL[Parameter::Roughness as usize].name, ALPHA.name()];
 
 const MASKING: Field<Masking> = Field::word(
     "masking",
@@ -231,20 +234,7 @@ impl<'a> Decoder<'a> {
         }
         let model: MaterialModel = match (metal, body) {
             (Some(Err(name)), _) => Conductor::named(name)?.into(),
-            (Some(Ok(inner)), _) => {
-                let named = inner.text(&METAL).and_then(Conductor::named);
-                let (eta, k) = (inner.get(&METAL_ETA), inner.get(&METAL_K));
-                let (eta, k) = (eta.or(named.map(|m| m.eta)), k.or(named.map(|m| m.k)));
-                let (Some(eta), Some(k)) = (eta, k) else {
-                    if !inner.valid {
-                        return None;
-                    }
-                    let problem = "needs the name of a metal, or eta and k";
-                    self.out_of_range(fields, &OutOfRange::new(CONDUCTOR.name, problem));
-                    return None;
-                };
-                Conductor::new(eta, k).into()
-            }
+            (Some(Ok(inner)), _) => self.metal(fields, &inner)?.into(),
             (None, Some(eta)) if eta > 0.0 && eta.is_finite() => Dielectric::new(eta).into(),
             (None, Some(eta)) => {
                 let problem = format!("is {eta}; the coefficient of refraction must be more than 0");
@@ -260,6 +250,32 @@ impl<'a> Decoder<'a> {
         Some(model)
     }
 
+    /// The metal of a block; `None` after a mistake that leaves no metal.
+    fn metal(&mut self, fields: &Fields, inner: &Fields) -> Option<Conductor> {
+        let named = inner.text(&METAL).and_then(Conductor::named);
+        let number = [&METAL_ETA, &METAL_K].into_iter().find(|number| inner.has(number));
+        if let Some(number) = number.filter(|_| named.is_some()) {
+            let problem = "is given twice, by the metal's name and by a number; leave one out";
+            self.out_of_range(inner, &OutOfRange::new(number.name(), problem));
+        }
+        if named.is_some() {
+            return named;
+        }
+        let (Some(eta), Some(k)) = (inner.get(&METAL_ETA), inner.get(&METAL_K)) else {
+            if inner.valid {
+                let problem = "needs the name of a metal, or eta and k";
+                self.out_of_range(fields, &OutOfRange::new(CONDUCTOR.name, problem));
+            }
+            return None;
+        };
+        let metal = Conductor::new(eta, k);
+        if let Err(problem) = metal.check() {
+            self.out_of_range(inner, &problem);
+            return Conductor::named(METAL_NAMES[0]);
+        }
+        Some(metal)
+    }
+
     /// The medium of a material, if its node has one.
     fn medium(&mut self, fields: &Fields) -> Option<Medium> {
         let inner = self.block(fields, &MEDIUM_FIELD)?;
@@ -271,7 +287,42 @@ impl<'a> Decoder<'a> {
             let problem = "is given twice, in the medium and beside it; leave one out";
             self.out_of_range(fields, &OutOfRange::new(ABSORPTION.name(), problem));
         }
+        if !inner.has(&ABSORPTION) && !inner.has(&SCATTERING) {
+            let message = Message::error(fields.span(&MEDIUM_FIELD), "medium needs absorption or scattering");
+            self.validator.report.push(message.help(format!("for example: {}", MEDIUM.example)));
+            self.valid = false;
+        }
+        if let Err(problem) = medium.check() {
+            self.out_of_range(&inner, &problem);
+            return Some(Medium::VACUUM);
+        }
         Some(medium)
+    }
+
+    /// Reports a medium that no light reaches, as the surface of its body is opaque.
+    fn reject_hidden_medium(&mut self, fields: &Fields, material: &Material) {
+        if !fields.has(&MEDIUM_FIELD) || !material.is_opaque() {
+            return;
+        }
+        let models = [CONDUCTOR.name, STANDARD_FIELD.name()];
+        let mut words = models.into_iter().chain(OF_PHONG.map(|row| row.info().name));
+        let word = words.find(|name| fields.has_named(name)).unwrap_or("the material");
+        let message =
+            format!("medium has no effect behind the opaque surface that {word} gives the body; leave one out");
+        let help = "a medium alone has no surface; dielectric beside it is a clear one";
+        self.validator.report.push(Message::error(fields.span(&MEDIUM_FIELD), message).help(help));
+        self.valid = false;
+    }
+
+    /// Warns of words that change nothing about the material.
+    fn doubt_effects(&mut self, fields: &Fields, material: &Material) {
+        let (clear, emits) = (!material.is_opaque(), material.may_emit());
+        let opaque = "no light goes through";
+        let clear_body = "a body is clear by dielectric, by opacity less than 1 or by transmission of standard";
+        self.doubt_effect(fields, &ABSORPTION, clear, opaque, clear_body);
+        self.doubt_effect(fields, &PRIORITY, clear, opaque, clear_body);
+        let dark = "the material has no emission";
+        self.doubt_effect(fields, &TEMPERATURE, emits, dark, "it is the colour of the emission, as in: emission 5");
     }
 
     /// Changes the options of the scattering by microfacets.
@@ -293,6 +344,7 @@ impl<'a> Decoder<'a> {
 
     /// Changes what a material of the standard surface has beside its block.
     fn change_beside_standard(&mut self, fields: &Fields, material: &mut Material) {
+        let before = self.validator.report.count();
         let in_block = Parameter::ALL.iter().map(|row| row.name).chain([
             ALPHA.name(),
             ABSORPTION.name(),
@@ -315,6 +367,9 @@ impl<'a> Decoder<'a> {
         self.fit_textures_to_standard(fields, material);
         if let Err(problem) = checked {
             self.out_of_range(fields, &problem);
+        } else if fields.valid && self.validator.report.count() == before {
+            self.reject_hidden_medium(fields, material);
+            self.doubt_effects(fields, material);
         }
         self.doubt_two_sided(fields, &TWO_SIDED, material.may_emit());
     }
@@ -335,6 +390,7 @@ impl<'a> Decoder<'a> {
     }
 
     fn change_material(&mut self, fields: &Fields, material: &mut Material) {
+        let before = self.validator.report.count();
         let medium = self.medium(fields);
         if self.change_standard(fields, material) {
             change(&mut material.medium, medium);
@@ -352,6 +408,7 @@ impl<'a> Decoder<'a> {
             (phong.roughness, phong.emission) = (roughness, emission);
         }
         self.change_microfacets(fields, &mut material.model);
+        self.either(fields, &number(Parameter::Roughness.info()), &ALPHA);
         let alpha = fields.get(&ALPHA);
         if let Some(alpha) = alpha.filter(|alpha| !(0.0..=1.0).contains(alpha)) {
             let problem = format!("is {alpha}; it must be between 0 (polished) and 1");
@@ -390,12 +447,17 @@ impl<'a> Decoder<'a> {
         }
         if let Err(problem) = checked {
             self.out_of_range(fields, &problem);
+        } else if fields.valid && self.validator.report.count() == before {
+            self.reject_hidden_medium(fields, material);
+            self.doubt_effects(fields, material);
         }
         // Radiance may have any size.
         for row in Parameter::ALL.iter().filter(|row| row.is_color() && row.parameter != Parameter::Emission) {
             self.doubt_reflectance(fields, &color(row));
         }
-        self.doubt_eta(fields, &number(Parameter::Eta.info()), !material.is_opaque());
+        // Eta beside a metal or a clear body is an error.
+        let is_phong = matches!(material.model, MaterialModel::Phong(_));
+        self.doubt_eta(fields, &number(Parameter::Eta.info()), !material.is_opaque() || !is_phong);
         self.doubt_two_sided(fields, &TWO_SIDED, material.may_emit());
     }
 }

@@ -139,8 +139,13 @@ pub(crate) static INCLUDE: NodeSchema =
         .example("include \"stage.kdl\"");
 
 /// Fields that exclude each other in a node: setting one removes the other.
-pub(crate) const ALTERNATIVES: [[&str; 2]; 4] =
-    [lights::POINTS_OR_SAMPLES, film::SAMPLE_OR_SAMPLES, lights::INNER_OR_EXPONENT, camera::EYE_OR_FOLLOW];
+pub(crate) const ALTERNATIVES: [[&str; 2]; 5] = [
+    lights::POINTS_OR_SAMPLES,
+    film::SAMPLE_OR_SAMPLES,
+    lights::INNER_OR_EXPONENT,
+    camera::EYE_OR_FOLLOW,
+    material::ROUGHNESS_OR_ALPHA,
+];
 
 /// The name of an object or light, and its place. The name of a light is a property, since its kind stands after the
 /// word; so is that of an instance, since its target does.

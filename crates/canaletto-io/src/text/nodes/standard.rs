@@ -1,6 +1,6 @@
 //! The block of the standard surface in a material.
 
-use super::material::CONDUCTOR;
+use super::material::{CONDUCTOR, COVERAGE};
 use crate::text::arithmetic::DIELECTRIC;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
@@ -177,12 +177,16 @@ impl Decoder<'_> {
             self.validator.report.error(inner.span(&OPACITY), message);
             self.valid = false;
         }
+        if opacity.is_some() && fields.has(&COVERAGE) {
+            let problem = "is given twice, as opacity in standard and beside it; leave one out";
+            self.out_of_range(fields, &OutOfRange::new(COVERAGE.name(), problem));
+        }
         if surface.subsurface.weight > 0.0 && !surface.thin_walled {
             let message = "subsurface light leaves where it enters: the surface is matte in the subsurface's colour";
             self.validator.report.push(Message::warning(Some(inner.span(&BLOCKS[3])), message));
         }
         material.set_standard(surface);
-        super::change(&mut material.coverage, opacity);
+        super::change(&mut material.coverage, opacity.map(|opacity| opacity.clamp(0.0, 1.0)));
         true
     }
 
