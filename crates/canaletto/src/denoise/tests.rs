@@ -343,7 +343,7 @@ fn the_filter_of_the_least_error_is_chosen() {
 fn a_filter_has_to_be_better_by_a_tenth() {
     let size = [48, 40];
     let color = |plane: Plane| [0, 1, 2].map(|_| plane.clone());
-    let sign = |n: usize| if n % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |n: usize| if n.is_multiple_of(2) { 1.0 } else { -1.0 };
     let light = [color(Plane::of(size, |i| 2.0 + sign(i % 48))), color(Plane::of(size, |i| 2.0 + sign(i / 48)))];
     let (one, none) = (color(Plane::of(size, |_| 1.0)), Plane::new(size));
     for (share, is_chosen) in [(0.8f32, true), (0.98, false)] {

@@ -87,8 +87,9 @@ impl NoiseEstimate {
                     for column in x * Self::CELL..((x + 1) * Self::CELL).min(self.size[0]) {
                         let pixel = row as usize * self.size[0] as usize + column as usize;
                         light += f64::from(self.light[pixel]);
-                        squares += f64::from(self.squares[pixel]);
-                        fourths += f64::from(self.squares[pixel]).powi(2);
+                        let square = f64::from(self.squares[pixel]);
+                        squares += square;
+                        fourths += square * square;
                         pixels += 1;
                     }
                 }
