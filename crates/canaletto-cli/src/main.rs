@@ -29,6 +29,7 @@ mod output_format;
 mod partial;
 mod passes;
 mod picture_file;
+mod points;
 mod preview;
 mod progress;
 mod report;

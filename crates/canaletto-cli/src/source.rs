@@ -71,7 +71,7 @@ pub(crate) struct Reader {
 /// The name of a scene that is read from the standard input.
 pub(crate) const STDIN: &str = "-";
 /// The name of the standard input in messages.
-const STDIN_NAME: &str = "<stdin>";
+pub(crate) const STDIN_NAME: &str = "<stdin>";
 
 impl Reader {
     /// Opens the scene or model that the flags name. `integrator` replaces its integrator before --set acts.
@@ -203,7 +203,7 @@ impl Reader {
 }
 
 /// The error about a missing file that the user named. A hint names a similar file.
-fn missing(path: &Path, error: &io::Error) -> Failure {
+pub(crate) fn missing(path: &Path, error: &io::Error) -> Failure {
     let failure = Failure::new(Exit::Scene, format!("can't open {}: {}", path.display(), reason(error)));
     if let Ok(target) = path.read_link() {
         return failure.help(format!("it is a link to {}, which isn't there", target.display()));

@@ -384,6 +384,41 @@ fn explanations_and_measurements_take_a_solution() {
 }
 
 #[test]
+fn points_are_measured_in_the_order_of_their_file() {
+    let folder = Folder::new();
+    folder.write(
+        "dim.kdl",
+        "material \"lit\" { kd 0; emission 1 }\nsphere material=\"lit\" { center 0 2 0; radius 0.5 }\n",
+    );
+    folder.write("points.csv", "nx,ny,nz,x,y,z\n\"0\",\"1\",\"0\",\"0\",\"0\",\"0\"\n0 1 0 0 0.5 0\n");
+    let measure = "measure dim.kdl --integrator path --rays 16 --points";
+    let said = folder.says(&format!("{measure} points.csv -o light.csv"), 0, &["2 points"]);
+    assert!(!said.contains("camera"), "{said}");
+    let light = fs::read_to_string(folder.path("light.csv")).unwrap();
+    let rows: Vec<&str> = light.lines().collect();
+    assert!(rows.len() == 3 && rows[1].starts_with("0,0,0,0,1,0,") && rows[2].starts_with("0,0.5,0,0,1,0,"), "{light}");
+    // Its own output is a file of points.
+    folder.says(&format!("{measure} light.csv -o again.csv"), 0, &["2 points"]);
+    assert_eq!(fs::read_to_string(folder.path("again.csv")).unwrap(), light);
+}
+
+#[test]
+fn files_of_points_that_cant_be_read_are_errors() {
+    let folder = Folder::new();
+    let measure = "measure room.kdl -q --rays 16 --points";
+    folder.write("wrong.csv", "0 0 0 0 1 0\n0,0,abc,0,1,0\n0 0 0 0 0 0\n");
+    let wrong = ["z: \"abc\" is no number", "wrong.csv:2:5", "wrong.csv:3:1", "nz is zero", "2 errors"];
+    folder.says(&format!("{measure} wrong.csv"), 3, &wrong);
+    let missing = ["can't open none.csv: no such file or directory", "help: --points names a file of places"];
+    folder.says(&format!("{measure} none.csv"), 3, &missing);
+    folder.says(&format!("{measure} wrong.cs"), 3, &["help: did you mean wrong.csv?"]);
+    folder.says(&format!("{measure} ."), 3, &["can't open .: is a directory", "help: --points"]);
+    fs::write(folder.path("latin.csv"), b"0 0 0 0 1 0\n# caf\xe9\n").unwrap();
+    let latin = ["latin.csv: line 2 isn't UTF-8 text: byte 17 is 0xe9", "help: save the points as UTF-8"];
+    folder.says(&format!("{measure} latin.csv"), 3, &latin);
+}
+
+#[test]
 fn compared_methods_solve_once() {
     let folder = Folder::new();
     let compared = "compare-methods room.kdl --methods zbuffer,radiosity,whitted -o c.png --progress json";

@@ -7,6 +7,7 @@ use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::omissions::shortfalls;
 use crate::output::{replaced, write_file};
+use crate::points::read_points;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
@@ -14,6 +15,7 @@ use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::integrator::{Measurement, PathMeter};
 use canaletto::render::Observer;
 use canaletto::scene::Integrator;
+use canaletto_io::text::NO_CAMERA;
 use clap::Args;
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -26,7 +28,8 @@ use std::time::Instant;
 /// Random paths from each point find what arrives, if the scene's integrator is "path" or with --integrator path.
 /// Otherwise the light of the scene is solved by radiosity, with the settings of the scene if its integrator is
 /// "radiosity", and rays from each point find that. Each line of the points' file holds a place and a direction, x y z
-/// nx ny nz, with commas or blanks between them; the first line may hold their names.
+/// nx ny nz, as CSV or with blanks between them; # begins a comment. A header may name these columns in any order, and
+/// others, which are ignored.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct MeasureFlags {
@@ -118,7 +121,9 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let begun = Instant::now();
     let points = read_points(&flags.points)?;
     let mut reader = Reader::open(&flags.source, None)?;
-    let source = reader.at_chosen(None, flags.frame)?;
+    let mut source = reader.at_chosen(None, flags.frame)?;
+    // No camera is used.
+    source.warnings.retain(|warning| !warning.message.starts_with(NO_CAMERA));
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }
@@ -215,72 +220,4 @@ fn same_file(output: &Path, points: &Path) -> Option<PathBuf> {
     let same = output != Path::new("-")
         && output.canonicalize().is_ok_and(|output| points.canonicalize().is_ok_and(|points| points == output));
     same.then(|| points.to_path_buf())
-}
-
-/// The places and unit directions of a file; `-` is the standard input.
-fn read_points(path: &Path) -> Result<Vec<(DVec3, DVec3)>, Failure> {
-    let failed = |e: std::io::Error| Failure::new(Exit::Scene, format!("--points {}: {e}", path.display()));
-    let text = if path == Path::new("-") {
-        std::io::read_to_string(std::io::stdin()).map_err(failed)?
-    } else {
-        std::fs::read_to_string(path).map_err(failed)?
-    };
-    parse_points(&text).map_err(|(line, problem)| {
-        Failure::new(Exit::Scene, format!("{}:{line}: {problem}", path.display()))
-            .help("a line holds x y z nx ny nz, such as 0 0.8 0  0 1 0")
-    })
-}
-
-fn parse_points(text: &str) -> Result<Vec<(DVec3, DVec3)>, (usize, String)> {
-    let mut points = Vec::new();
-    for (line, row) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
-        let row = row.split('#').next().unwrap_or_default();
-        let words: Vec<&str> = row.split([',', ';', ' ', '\t']).filter(|word| !word.is_empty()).collect();
-        let is_header = points.is_empty() && !words.is_empty() && words.iter().all(|w| w.parse::<f64>().is_err());
-        if words.is_empty() || is_header {
-            continue;
-        }
-        let numbers: Vec<f64> = words
-            .iter()
-            .map(|word| match word.parse::<f64>() {
-                Ok(number) if number.is_finite() => Ok(number),
-                _ => Err((line, format!("\"{word}\" is no number"))),
-            })
-            .collect::<Result<_, _>>()?;
-        let [x, y, z, nx, ny, nz] = numbers[..] else {
-            return Err((line, format!("there are {} numbers; a point has 6", numbers.len())));
-        };
-        let normal = DVec3::new(nx, ny, nz);
-        let Some(normal) = normal.try_normalize() else {
-            return Err((line, "the direction nx ny nz is zero".into()));
-        };
-        points.push((DVec3::new(x, y, z), normal));
-    }
-    if points.is_empty() { Err((1, "there are no points".into())) } else { Ok(points) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_are_read_with_commas_blanks_comments_and_a_header() {
-        let text = "x,y,z,nx,ny,nz\n1,2,3,0,0,2\n\n# a comment\n4 5 6\t1 0 0 # to the right\n";
-        let points = parse_points(text).unwrap();
-        assert_eq!(points, [(DVec3::new(1.0, 2.0, 3.0), DVec3::Z), (DVec3::new(4.0, 5.0, 6.0), DVec3::X)]);
-    }
-
-    #[test]
-    fn wrong_lines_are_named() {
-        for (text, line, problem) in [
-            ("1 2 3 0 0 1\n1 2 3 0 0\n", 2, "5 numbers"),
-            ("1 2 3 0 0 1\n\n1 2 3 0 zero 1\n", 3, "\"zero\""),
-            ("1 2 3 0 0 0\n", 1, "direction"),
-            ("1 2 inf 0 0 1\n", 1, "\"inf\""),
-            ("", 1, "no points"),
-        ] {
-            let (found, message) = parse_points(text).unwrap_err();
-            assert!(found == line && message.contains(problem), "{text:?}: {found}: {message}");
-        }
-    }
 }

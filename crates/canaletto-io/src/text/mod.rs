@@ -262,12 +262,15 @@ fn views(
     decode::views(&nodes, files, assets)
 }
 
+/// The start of the warning about a scene without a camera. Commands that use none drop it.
+pub const NO_CAMERA: &str = "the scene has no camera";
+
 fn no_camera(view: &View) -> Message {
     let short = |v: f64| format!("{v:.3e}").parse().unwrap_or(v);
     let point = |p: glam::DVec3| p.to_array().map(|v| short(v).to_string()).join(" ");
     let (place, lens) = (&view.extrinsics, &view.intrinsics);
     let (eye, center) = (point(place.eye), point(place.center));
-    let message = "the scene has no camera; it is looked at as a model is, from the front, the right and above";
+    let message = format!("{NO_CAMERA}; it is looked at as a model is, from the front, the right and above");
     Message::warning(None, message).help(format!(
         "camera {{ eye {eye}; center {center}; fovy {}; size {} {} }}",
         lens.fovy, lens.width, lens.height
