@@ -254,3 +254,23 @@ fn settings_of_the_classic_integrator_are_refused() {
         folder.says(&format!("render s.kdl {flag} -q --integrator whitted -o a.png"), 0, &[]);
     }
 }
+
+#[test]
+fn halves_for_denoising_are_independent() {
+    let folder = Folder::new();
+    for (name, flags) in [("a", ""), ("b", "--seed 1"), ("c", "--first-sample 8"), ("d", "--first-sample 4")] {
+        folder.says(&format!("render s.kdl -q --samples 8 -o {name}.exr {flags}"), 0, &[]);
+    }
+    fs::copy(folder.path("a.exr"), folder.path("copy.exr")).unwrap();
+    fs::hard_link(folder.path("a.exr"), folder.path("link.exr")).unwrap();
+    let twice = ["a.exr is given twice", "--seed 1"];
+    folder.says("denoise a.exr ./a.exr -o no.exr", 2, &twice[1..]);
+    folder.says("denoise a.exr a.exr -o no.exr", 2, &twice);
+    folder.says("denoise a.exr link.exr -o no.exr", 2, &["a.exr and link.exr are one file"]);
+    let shared = ["a.exr and copy.exr aren't independent: both have samples 0 to 7 of seed 0", "--first-sample 8"];
+    folder.says("denoise a.exr copy.exr -o no.exr", 1, &shared);
+    folder.says("denoise d.exr a.exr -o no.exr", 1, &["samples 4 to 11 and samples 0 to 7", "--first-sample 12"]);
+    assert!(!folder.path("no.exr").exists());
+    folder.says("denoise a.exr b.exr -o of-seeds.exr", 0, &["denoised"]);
+    folder.says("denoise a.exr c.exr -o of-samples.exr", 0, &["denoised"]);
+}

@@ -1,5 +1,7 @@
 //! `canaletto denoise`: a noisy picture without its noise.
 
+mod independence;
+
 use crate::denoiser::{Denoiser, lacks, no_colors, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
@@ -10,13 +12,14 @@ use crate::output_format::Format;
 use crate::picture_file::read_picture;
 use crate::source::on_threads;
 use canaletto::Named;
+use canaletto::denoise::NoisyPicture;
 use canaletto::film::{Picture, develop};
 use canaletto::math::Rgb;
 use canaletto::scene::{Tone, Transfer};
 use canaletto_io::assets::FileId;
-use canaletto_io::picture::{EncodeSettings, Image};
+use canaletto_io::picture::{Decoded, EncodeSettings, Image};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Removes the noise of a rendered picture.
@@ -31,7 +34,7 @@ pub(crate) struct DenoiseFlags {
     #[arg(value_name = "PICTURE")]
     pub picture: PathBuf,
 
-    /// The same scene rendered with another --seed: both pictures are taken as two halves of one
+    /// The same scene with other samples, by --seed or --first-sample: both pictures are taken as two halves of one
     #[arg(value_name = "OTHER")]
     pub other: Option<PathBuf>,
 
@@ -92,15 +95,13 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     {
         return Err(replaced("--output", &flags.output));
     }
-    let decoded = read_picture(&flags.picture)?;
-    let name = flags.picture.display().to_string();
-    if decoded.display_referred {
-        return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
-            .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
-    }
-    let mut noisy = of_image(&decoded.image).ok_or_else(|| no_colors(&name))?;
     if let Some(other) = &flags.other {
-        let second = read_picture(other)?;
+        independence::check_files([&flags.picture, other])?;
+    }
+    let (decoded, mut noisy) = read(&flags.picture)?;
+    let name = flags.picture.display().to_string();
+    if let Some(other) = &flags.other {
+        let (second, half) = read(other)?;
         let (a, b) = (&decoded.image, &second.image);
         if [a.width, a.height] != [b.width, b.height] {
             let message = format!(
@@ -113,9 +114,9 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
             );
             return Err(Failure::new(Exit::Failed, message).help("both pictures show the same scene in the same size"));
         }
-        let second = of_image(&second.image).ok_or_else(|| no_colors(&other.display().to_string()))?;
-        let mean = noisy.color.iter().zip(&second.color).map(|(a, b)| (*a + *b) * 0.5).collect();
-        noisy.halves = Some([std::mem::replace(&mut noisy.color, mean), second.color]);
+        independence::check([&flags.picture, other], [&decoded, &second], || noisy.color == half.color)?;
+        let mean = noisy.color.iter().zip(&half.color).map(|(a, b)| (*a + *b) * 0.5).collect();
+        noisy.halves = Some([std::mem::replace(&mut noisy.color, mean), half.color]);
     }
     if !flags.quiet
         && let Some(lacks) = lacks(&noisy)
@@ -155,4 +156,16 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         eprint_line(&told(&denoised, time));
     }
     Ok(Exit::Done)
+}
+
+/// Reads a noisy picture.
+fn read(path: &Path) -> Result<(Decoded, NoisyPicture), Failure> {
+    let decoded = read_picture(path)?;
+    let name = path.display();
+    if decoded.display_referred {
+        return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
+            .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
+    }
+    let noisy = of_image(&decoded.image).ok_or_else(|| no_colors(&name.to_string()))?;
+    Ok((decoded, noisy))
 }
