@@ -198,8 +198,3 @@ pub(crate) fn told(denoised: &DenoisedPicture, time: Duration) -> String {
     };
     format!("denoised in {}: {}{outliers}", duration(time), filters.join(", "))
 }
-
-/// The failure of a picture without colours.
-pub(crate) fn no_colors(name: &str) -> Failure {
-    Failure::new(Exit::Failed, format!("{name} has no channels R G B or Y"))
-}

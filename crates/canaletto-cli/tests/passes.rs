@@ -1,6 +1,8 @@
 //! Pictures by paths that grow by passes: --time, --noise, --clamp, --continue, --preview=FILE and Ctrl-C.
+//! What `denoise` takes.
 
-use canaletto_io::picture::{Decoded, decode};
+use canaletto::scene::Transfer;
+use canaletto_io::picture::{Channel, Decoded, EncodeSettings, Image, PictureFormat, decode};
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -273,4 +275,38 @@ fn halves_for_denoising_are_independent() {
     assert!(!folder.path("no.exr").exists());
     folder.says("denoise a.exr b.exr -o of-seeds.exr", 0, &["denoised"]);
     folder.says("denoise a.exr c.exr -o of-samples.exr", 0, &["denoised"]);
+}
+
+/// Files of other programs keep their colours in a layer.
+#[test]
+fn colours_of_a_single_layer_are_denoised() {
+    let folder = Folder::new();
+    let exr = PictureFormat::all().find(|format| format.extension() == "exr").unwrap();
+    let write = |file: &str, names: &[&str]| {
+        // Channels of the same last letter have the same values.
+        let value =
+            |name: &str, i: usize| 0.5 + 0.01 * (i * 7 % 11) as f32 + f32::from(*name.as_bytes().last().unwrap());
+        let channel = |name: &&str| Channel::new(*name, (0..12 * 8).map(|i| value(name, i)).collect());
+        let image = Image { width: 12, height: 8, channels: names.iter().map(channel).collect() };
+        let bytes = exr.encode_image(&image, Transfer::None, &EncodeSettings::default(), &[]).unwrap();
+        fs::write(folder.path(file), bytes).unwrap();
+    };
+    let combined = ["A", "B", "G", "R"].map(|channel| format!("ViewLayer.Combined.{channel}"));
+    let combined = combined.each_ref().map(String::as_str);
+    write("plain.exr", &["A", "B", "G", "R"]);
+    write("layer.exr", &[&combined[..], &["ViewLayer.Depth.Z"]].concat());
+    folder.says("denoise plain.exr -q -o of-plain.exr", 0, &[]);
+    let note = ["note: layer.exr: its colours are those of the layer ViewLayer.Combined"];
+    folder.says("denoise layer.exr -o of-layer.exr", 0, &note);
+    let [plain, layer] = ["of-plain.exr", "of-layer.exr"].map(|name| folder.picture(name).image);
+    for name in ["R", "G", "B", "A", "noisy.R"] {
+        assert!(plain.channel(name).is_some() && plain.channel(name) == layer.channel(name), "{name}");
+    }
+    assert!(layer.channel("ViewLayer.Depth.Z").is_some());
+    write("two.exr", &["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"]);
+    let found =
+        ["two.exr has no channels R G B or Y, and no single layer", "it has \"a.B\", \"a.G\", \"a.R\", \"b.B\""];
+    folder.says("denoise two.exr -o no.exr", 1, &found);
+    write("none.exr", &["B", "G", "Z"]);
+    folder.says("denoise none.exr -o no.exr", 1, &["it has \"B\", \"G\" and \"Z\""]);
 }

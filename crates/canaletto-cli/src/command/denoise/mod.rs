@@ -2,7 +2,7 @@
 
 mod independence;
 
-use crate::denoiser::{Denoiser, lacks, no_colors, of_image, told};
+use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
@@ -10,6 +10,7 @@ use crate::interrupt;
 use crate::output::{check_files, replaced, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
+use crate::settings::list;
 use crate::source::on_threads;
 use canaletto::Named;
 use canaletto::denoise::NoisyPicture;
@@ -17,6 +18,7 @@ use canaletto::film::{Picture, develop};
 use canaletto::math::Rgb;
 use canaletto::scene::{Tone, Transfer};
 use canaletto_io::assets::FileId;
+use canaletto_io::diagnostic::visible;
 use canaletto_io::picture::{Decoded, EncodeSettings, Image};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -24,7 +26,8 @@ use std::time::Instant;
 
 /// Removes the noise of a rendered picture.
 ///
-/// The picture is an OpenEXR in linear light. Its layers half-a and half-b tell how noisy each pixel is. Its layers
+/// The picture is an OpenEXR in linear light. Without colours of its own, its only layer of colours is taken, such as
+/// ViewLayer.Combined. Its layers half-a and half-b tell how noisy each pixel is. Its layers
 /// denoising-albedo, denoising-normal and denoising-depth tell where surfaces end. `canaletto render --aov` makes them.
 /// A missing layer is named, and what is done without it.
 #[derive(Args, Clone, Debug)]
@@ -98,10 +101,10 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     if let Some(other) = &flags.other {
         independence::check_files([&flags.picture, other])?;
     }
-    let (decoded, mut noisy) = read(&flags.picture)?;
+    let (decoded, mut noisy) = read(&flags.picture, flags.quiet)?;
     let name = flags.picture.display().to_string();
     if let Some(other) = &flags.other {
-        let (second, half) = read(other)?;
+        let (second, half) = read(other, flags.quiet)?;
         let (a, b) = (&decoded.image, &second.image);
         if [a.width, a.height] != [b.width, b.height] {
             let message = format!(
@@ -158,14 +161,31 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Reads a noisy picture.
-fn read(path: &Path) -> Result<(Decoded, NoisyPicture), Failure> {
-    let decoded = read_picture(path)?;
+/// Reads a noisy picture. If it has no colours of its own, those of a layer are taken, and a note says so.
+fn read(path: &Path, is_quiet: bool) -> Result<(Decoded, NoisyPicture), Failure> {
+    let mut decoded = read_picture(path)?;
     let name = path.display();
     if decoded.display_referred {
         return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
             .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
     }
-    let noisy = of_image(&decoded.image).ok_or_else(|| no_colors(&name.to_string()))?;
+    if decoded.image.rgb().is_none() {
+        let failure = no_colors(path, &decoded);
+        let layer = decoded.main_layer().filter(|layer| decoded.image.channel(&format!("{layer}.R")).is_some());
+        let Some(layer) = layer else { return Err(failure) };
+        if !is_quiet {
+            eprint_line(&format!("note: {name}: its colours are those of the layer {}", visible(&layer)));
+        }
+        decoded = decoded.with_layer(&layer).ok_or(failure)?;
+    }
+    let noisy = of_image(&decoded.image).ok_or_else(|| no_colors(path, &decoded))?;
     Ok((decoded, noisy))
+}
+
+/// The failure of a picture without colours. It lists the channels.
+fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
+    let names: Vec<&str> = decoded.image.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let what = "has no channels R G B or Y, and no single layer of colours";
+    Failure::new(Exit::Failed, format!("{} {what}; it has {}", path.display(), list(&names)))
+        .help("the noisy colours are channels R G B of the picture, or of its only layer with them, such as Combined.R")
 }
