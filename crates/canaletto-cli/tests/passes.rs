@@ -310,3 +310,13 @@ fn colours_of_a_single_layer_are_denoised() {
     write("none.exr", &["B", "G", "Z"]);
     folder.says("denoise none.exr -o no.exr", 1, &["it has \"B\", \"G\" and \"Z\""]);
 }
+
+/// The halves of a denoised picture aren't those of its colours.
+#[test]
+fn a_denoised_picture_is_refused() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q --samples 4 --aov half-a,half-b -o noisy.exr", 0, &[]);
+    folder.says("denoise noisy.exr -q -o clean.exr", 0, &[]);
+    folder.says("denoise clean.exr -o again.exr", 1, &["clean.exr is denoised already", "layer noisy"]);
+    assert!(!folder.path("again.exr").exists());
+}

@@ -78,6 +78,9 @@ Examples:
   canaletto denoise noisy.exr -o clean.exr
   canaletto denoise noisy.exr -o clean.png --denoiser fast";
 
+/// The layer of a denoised picture that holds the noisy colours.
+const NOISY: &str = "noisy";
+
 /// Runs the command.
 pub(crate) fn run(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     on_threads(flags.threads, || denoise(flags))?
@@ -140,7 +143,7 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         // Other layers stay as they are; the noisy colours become one.
         for mut channel in decoded.image.channels {
             if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
-                channel.name = format!("noisy.{}", channel.name);
+                channel.name = format!("{NOISY}.{}", channel.name);
             }
             image.channels.push(channel);
         }
@@ -168,6 +171,13 @@ fn read(path: &Path, is_quiet: bool) -> Result<(Decoded, NoisyPicture), Failure>
     if decoded.display_referred {
         return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
             .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
+    }
+    if decoded.image.channel(&format!("{NOISY}.R")).is_some() {
+        return Err(Failure::new(
+            Exit::Failed,
+            format!("{name} is denoised already: its layer {NOISY} is what it was"),
+        )
+        .help("give the picture as it was rendered"));
     }
     if decoded.image.rgb().is_none() {
         let failure = no_colors(path, &decoded);
