@@ -142,6 +142,7 @@ pub use primitive::{sphere, triangle};
 pub use primitive_bvh::PrimitiveBvh;
 pub use ray::{InflatedRay, PreparedRay, Ray};
 pub use simd::{InstructionSet, Kernel};
+pub use slab::{max, min};
 pub use stack_space::{NoThreads, with_stack};
 pub use statistics::Statistics;
 pub use traversal_stats::TraversalStats;

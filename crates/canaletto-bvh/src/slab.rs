@@ -155,15 +155,17 @@ impl PreparedRay {
     }
 }
 
-/// The larger number, in one instruction, unlike `f32::max`. If one is NaN, the second is returned.
+/// The larger number, in one instruction, unlike `f32::max`, so that loops are vectorised. If one is NaN, the second
+/// is returned.
 #[inline(always)]
-pub(crate) fn max(a: f32, b: f32) -> f32 {
+pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The smaller number, in one instruction, unlike `f32::min`. If one is NaN, the second is returned.
+/// The smaller number, in one instruction, unlike `f32::min`, so that loops are vectorised. If one is NaN, the second
+/// is returned.
 #[inline(always)]
-pub(crate) fn min(a: f32, b: f32) -> f32 {
+pub fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 

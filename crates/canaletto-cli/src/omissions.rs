@@ -19,7 +19,8 @@ pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnosti
         let warning = Diagnostic::warning(name, omission.to_string());
         all.push(match omission {
             Omission::EmissionAsLight { .. } => warning.help(
-                "the surfaces shine, but light nothing: take integrator \"path\" or \"radiosity\", or put a light in their place",
+                "the surfaces shine, but light nothing: take integrator \"path\" or \"radiosity\", or put a light in \
+                 their place",
             ),
             Omission::Ambient { .. } => warning.help("leave ambient out, or write ambient 0"),
             _ => warning,

@@ -301,9 +301,8 @@ impl<'a> Series<'a> {
             self.writer.write(&frame_picture)?
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
             let mut files = self.writer.write_part(&frame_picture)?;
-            let format = plan.output.format;
-            let has_room = plan.output.has_place_beside(&plan.files(frame)[0]) && !plan.numbered;
-            if format.picture().is_some() && !format.has_layers() && has_room && rendering.samples.is_some() {
+            let has_place = plan.output.has_place_beside(&plan.files(frame)[0]);
+            if rendering.samples.is_some() && has_place && !plan.numbered && !plan.output.format.has_layers() {
                 texts.push(frame_context.scene_digest.clone());
                 add_samples(&mut rendering, &mut texts);
                 let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };

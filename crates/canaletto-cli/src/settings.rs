@@ -88,12 +88,9 @@ impl Settings {
 
 /// The flag of shading stages or shadows that is given and that this integrator has no meaning for.
 fn needless(flags: &PictureFlags, integrator: &Integrator) -> Option<&'static str> {
-    let is_physical = matches!(integrator, Integrator::Path(_));
-    match (flags.stage.is_some() && is_physical, flags.no_shadows && is_physical) {
-        (true, _) => Some("--stage"),
-        (false, true) => Some("--no-shadows"),
-        (false, false) => None,
-    }
+    let given = [(flags.stage.is_some(), "--stage"), (flags.no_shadows, "--no-shadows")];
+    let is_path = matches!(integrator, Integrator::Path(_));
+    given.into_iter().find(|(given, _)| is_path && *given).map(|(_, flag)| flag)
 }
 
 fn wrong_job(name: &str, error: &JobError, flags: &PictureFlags) -> Failure {

@@ -4,7 +4,6 @@
 mod black_body;
 mod dray;
 mod error_bound;
-mod extremes;
 mod motion;
 mod polynomial;
 mod power;
@@ -14,9 +13,9 @@ mod transform;
 pub mod warp;
 
 pub use black_body::{BLACK_BODY_TEMPERATURES, black_body};
+pub(crate) use canaletto_bvh::{max as larger, min as smaller};
 pub use dray::DRay;
 pub use error_bound::{gamma, offset_origin, rounding};
-pub(crate) use extremes::{larger, smaller};
 pub use motion::{AnimatedTransform, AnimatedTransformError};
 pub use polynomial::{Roots, quadratic, quartic};
 pub(crate) use power::{power, power_all};

@@ -16,6 +16,7 @@ use canaletto::Named;
 use canaletto::denoise::NoisyPicture;
 use canaletto::film::{Picture, develop};
 use canaletto::math::Rgb;
+use canaletto::render::Aov;
 use canaletto::scene::{Tone, Transfer};
 use canaletto_io::assets::FileId;
 use canaletto_io::diagnostic::visible;
@@ -77,9 +78,6 @@ Examples:
     --aov half-a,half-b,denoising-albedo,denoising-normal,denoising-depth
   canaletto denoise noisy.exr -o clean.exr
   canaletto denoise noisy.exr -o clean.png --denoiser fast";
-
-/// The layer of a denoised picture that holds the noisy colours.
-const NOISY: &str = "noisy";
 
 /// Runs the command.
 pub(crate) fn run(flags: &DenoiseFlags) -> Result<Exit, Failure> {
@@ -143,7 +141,7 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         // Other layers stay as they are; the noisy colours become one.
         for mut channel in decoded.image.channels {
             if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
-                channel.name = format!("{NOISY}.{}", channel.name);
+                channel.name = format!("{}.{}", Aov::Noisy.name(), channel.name);
             }
             image.channels.push(channel);
         }
@@ -172,12 +170,10 @@ fn read(path: &Path, is_quiet: bool) -> Result<(Decoded, NoisyPicture), Failure>
         return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
             .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
     }
-    if decoded.image.channel(&format!("{NOISY}.R")).is_some() {
-        return Err(Failure::new(
-            Exit::Failed,
-            format!("{name} is denoised already: its layer {NOISY} is what it was"),
-        )
-        .help("give the picture as it was rendered"));
+    let noisy = Aov::Noisy.name();
+    if decoded.image.channel(&format!("{noisy}.R")).is_some() {
+        let message = format!("{name} is denoised already: its layer {noisy} is what it was");
+        return Err(Failure::new(Exit::Failed, message).help("give the picture as it was rendered"));
     }
     if decoded.image.rgb().is_none() {
         let failure = no_colors(path, &decoded);

@@ -129,7 +129,7 @@ impl<'w> Zbuffer<'w> {
             traits: world
                 .materials()
                 .iter()
-                .map(|material| [!omissions::is_invisible(material), has_holes(material)])
+                .map(|material| [!material.model.is_index_matched_to_air(), has_holes(material)])
                 .collect(),
         };
         let binned = stage.run(&cancelled)?;

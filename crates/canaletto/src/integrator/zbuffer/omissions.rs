@@ -27,7 +27,10 @@ const KINDS: [Kind; 3] = [
     },
     Kind {
         sentence: "a z-buffer refracts no light, so these clear objects are opaque",
-        is_of: |m| !is_invisible(m) && (m.phong().opacity < 1.0 || has_texture(m, Parameter::Opacity)),
+        is_of: |m| {
+            // A medium without a surface isn't drawn.
+            !m.model.is_index_matched_to_air() && (m.phong().opacity < 1.0 || has_texture(m, Parameter::Opacity))
+        },
     },
     Kind {
         sentence: "a z-buffer draws a surface or leaves it out, so these half-covered surfaces are drawn where their \
@@ -35,11 +38,6 @@ const KINDS: [Kind; 3] = [
         is_of: |m| m.coverage > 0.0 && m.coverage < 1.0,
     },
 ];
-
-/// Whether light passes a material's surfaces as if they weren't there.
-pub(super) fn is_invisible(material: &Material) -> bool {
-    material.model.is_index_matched_to_air()
-}
 
 /// What the z-buffer leaves out of a job's picture.
 pub(crate) fn omissions(world: &World, job: &Job, settings: &ZbufferSettings) -> Vec<Omission> {
