@@ -150,6 +150,11 @@ impl Reader {
         }
     }
 
+    /// Says that no camera is used, so that none is missed.
+    pub(crate) fn use_no_camera(&mut self) {
+        self.source.use_no_camera();
+    }
+
     /// The timeline of the animation.
     pub(crate) fn timeline(&self) -> Timeline {
         *self.source.timeline()

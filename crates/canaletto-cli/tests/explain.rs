@@ -237,6 +237,11 @@ fn a_ray_needs_no_camera() {
     let told = tree(&format!("scenes/chapter/fig-5.27b-glass.kdl {ray}"));
     assert_eq!((&told["color"], &told["sum"]), (&pixel["color"], &pixel["color"]));
     assert_eq!(told["ray"]["outcome"], pixel["samples"][0]["ray"]["outcome"]);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.kdl"), "sphere { center 0 0 0; radius 1 }\nambient 1\n").unwrap();
+    let output = run(folder.path(), "explain s.kdl --ray 0,0,9,0,0,-1");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !said.contains("camera"), "{said}");
     for (arguments, words) in [
         ("scenes/still-life.kdl", "--pixel"),
         ("scenes/still-life.kdl --ray 0,0,0,1,2", "six numbers"),

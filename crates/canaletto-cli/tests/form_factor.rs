@@ -83,6 +83,8 @@ fn mistakes_are_named() {
     assert!(code == Some(3) && said.contains("is a plane") && said.contains("exchange"), "{said}");
     let (code, said) = with(text, &["ball", "sun"]);
     assert!(code == Some(2) && said.contains("a light has no surface"), "{said}");
+    // No camera is used, so none is missed.
+    assert!(!said.contains("camera"), "{said}");
     assert_eq!(with(text, &["ball", "ground", "--error", "1e-2"]).0, Some(0));
 }
 

@@ -17,6 +17,9 @@ pub trait SceneSource: Send {
     /// Selects the camera whose shutter interval determines motion blur. The default is the first camera.
     fn use_shutter_of(&mut self, camera: &str);
 
+    /// Says that no camera is used. A scene without one is then no reason for a warning.
+    fn use_no_camera(&mut self);
+
     /// The times of all keys in frames, sorted. Between two of them every value is between those of its keys, or a
     /// little beyond.
     fn key_frames(&self) -> Vec<f64>;

@@ -7,7 +7,7 @@ use crate::format::{JSON_VERSION, count, plural, short};
 use crate::interrupt;
 use crate::sampling_progress::SamplingDisplay;
 use crate::settings::list;
-use crate::source::{Source, build, on_threads};
+use crate::source::{Reader, Source, build, on_threads};
 use crate::stdout::{print, print_json};
 use crate::terminal::Paint;
 use canaletto::Named;
@@ -167,7 +167,9 @@ pub(crate) fn run(flags: &FormFactorFlags) -> Result<Exit, Failure> {
 }
 
 fn answer(flags: &FormFactorFlags) -> Result<Answer, Failure> {
-    let Source { name, scene, warnings, .. } = Source::read(&flags.source, flags.frame)?;
+    let mut reader = Reader::open(&flags.source, None)?;
+    reader.use_no_camera();
+    let Source { name, scene, warnings, .. } = reader.at_chosen(None, flags.frame)?;
     print_diagnostics(&warnings, false);
     let names = [&flags.a, &flags.b];
     let [a, b] = names.map(|object| find(&name, &scene, object));

@@ -15,7 +15,6 @@ use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::integrator::{Measurement, PathMeter};
 use canaletto::render::Observer;
 use canaletto::scene::Integrator;
-use canaletto_io::text::NO_CAMERA;
 use clap::Args;
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -121,9 +120,8 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let begun = Instant::now();
     let points = read_points(&flags.points)?;
     let mut reader = Reader::open(&flags.source, None)?;
-    let mut source = reader.at_chosen(None, flags.frame)?;
-    // No camera is used.
-    source.warnings.retain(|warning| !warning.message.starts_with(NO_CAMERA));
+    reader.use_no_camera();
+    let source = reader.at_chosen(None, flags.frame)?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }

@@ -37,6 +37,9 @@ impl SceneSource for Model {
     /// No format of models has a camera with a shutter.
     fn use_shutter_of(&mut self, _: &str) {}
 
+    /// A model without a camera is never a reason for a warning.
+    fn use_no_camera(&mut self) {}
+
     fn key_frames(&self) -> Vec<f64> {
         Vec::new()
     }

@@ -86,6 +86,8 @@ pub struct SceneDocument {
     times: Vec<f64>,
     /// The name of the camera whose shutter is used; `None` for the first camera.
     camera: Option<String>,
+    /// Whether a camera is used, so that a scene without one is a reason for a warning.
+    uses_camera: bool,
     /// The camera of a scene that has none, computed at the first frame that is read.
     default_camera: Option<Option<View>>,
     keep: FrameCache,
@@ -145,6 +147,7 @@ impl SceneDocument {
             has_time,
             times,
             camera: None,
+            uses_camera: true,
             default_camera: None,
             keep,
         })
@@ -183,6 +186,10 @@ impl SceneSource for SceneDocument {
 
     fn use_shutter_of(&mut self, camera: &str) {
         self.camera = Some(camera.to_owned());
+    }
+
+    fn use_no_camera(&mut self) {
+        self.uses_camera = false;
     }
 
     /// Every text value except the names of objects.
@@ -235,7 +242,9 @@ impl SceneSource for SceneDocument {
         if let Some(scene) = scene.as_mut().filter(|scene| scene.views.is_empty() && !report.has_errors())
             && let Some(view) = self.default_camera(scene, assets, frame)
         {
-            report.push(no_camera(&view));
+            if self.uses_camera {
+                report.push(no_camera(&view));
+            }
             scene.views.push(view);
         }
         let failed = report.has_errors();
@@ -262,15 +271,12 @@ fn views(
     decode::views(&nodes, files, assets)
 }
 
-/// The start of the warning about a scene without a camera. Commands that use none drop it.
-pub const NO_CAMERA: &str = "the scene has no camera";
-
 fn no_camera(view: &View) -> Message {
     let short = |v: f64| format!("{v:.3e}").parse().unwrap_or(v);
     let point = |p: glam::DVec3| p.to_array().map(|v| short(v).to_string()).join(" ");
     let (place, lens) = (&view.extrinsics, &view.intrinsics);
     let (eye, center) = (point(place.eye), point(place.center));
-    let message = format!("{NO_CAMERA}; it is looked at as a model is, from the front, the right and above");
+    let message = "the scene has no camera; it is looked at as a model is, from the front, the right and above";
     Message::warning(None, message).help(format!(
         "camera {{ eye {eye}; center {center}; fovy {}; size {} {} }}",
         lens.fovy, lens.width, lens.height

@@ -99,6 +99,9 @@ impl<'a> Subject<'a> {
     /// Reads and builds the scene.
     pub(super) fn open(flags: &'a ExplainFlags) -> Result<Subject<'a>, Failure> {
         let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
+        if flags.ray.is_some() {
+            reader.use_no_camera();
+        }
         let mut source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
         print_diagnostics(&source.warnings, false);
         for (flag, file) in [("--svg", &flags.svg), ("--html", &flags.html)] {
