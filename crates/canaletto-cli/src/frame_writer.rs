@@ -2,13 +2,12 @@
 
 use crate::command::render::Plan;
 use crate::complete::texts;
-use crate::failure::{Failure, eprint_line};
+use crate::failure::Failure;
 use crate::interrupt;
 use crate::layers;
 use crate::output::{film_failed, unfit};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
-use crate::progress::Style;
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::world::World;
@@ -19,7 +18,6 @@ use std::path::Path;
 /// Writes the frames of a plan.
 pub(crate) struct FrameWriter<'a> {
     plan: &'a Plan,
-    quiet: bool,
     /// The film, once it has a frame.
     film: Option<Movie>,
 }
@@ -36,8 +34,8 @@ pub(crate) struct FramePicture<'a> {
 
 impl<'a> FrameWriter<'a> {
     /// A writer that has written nothing.
-    pub(crate) fn new(plan: &'a Plan, quiet: bool) -> FrameWriter<'a> {
-        FrameWriter { plan, quiet, film: None }
+    pub(crate) fn new(plan: &'a Plan) -> FrameWriter<'a> {
+        FrameWriter { plan, film: None }
     }
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names.
@@ -80,14 +78,12 @@ impl<'a> FrameWriter<'a> {
                 Ok(())
             })?;
         }
-        if !interrupt::has_time_to_save() && plan.style != Style::Json && !self.quiet {
-            eprint_line("saving the part took too long: its lower rows, or layers, may be missing");
-        }
         Ok(names)
     }
 
     /// Writes the samples of a partial picture beside its file, for formats that hold no samples; returns the name.
     pub(crate) fn write_samples(&self, frame: &FramePicture<'_>) -> Result<String, Failure> {
+        interrupt::Rendering::saves();
         let file = with_samples(&self.plan.files(frame.job.frame)[0]);
         let settings = EncodeSettings { bits: None, ..self.settings(frame) };
         self.write_rows(PictureFormat::Exr, frame, &file, &settings)

@@ -30,8 +30,13 @@ const SAVING: u8 = 2;
 
 /// The time that a render may continue after a signal.
 const RENDER_LIMIT: Duration = Duration::from_millis(1700);
-/// The time after a signal in which a partial picture may be encoded.
+/// The time after a signal in which the samples of a partial picture may be encoded, or else the picture.
 const SAVE_LIMIT: Duration = Duration::from_millis(1000);
+
+/// The further time for the picture after its samples.
+const PICTURE_TIME: Duration = Duration::from_millis(500);
+/// Whether the samples of the partial picture have had their time.
+static SAMPLES_SAVED: AtomicBool = AtomicBool::new(false);
 
 /// Installs the signal handler. `json`: stderr is for a program.
 pub(crate) fn install(json: bool) {
@@ -102,7 +107,13 @@ pub(crate) fn stops() -> bool {
 
 /// Whether there is time to save more of a picture.
 pub(crate) fn has_time_to_save() -> bool {
-    FIRST.get().is_none_or(|first| first.elapsed() < SAVE_LIMIT)
+    let more = if SAMPLES_SAVED.load(Ordering::Relaxed) { PICTURE_TIME } else { Duration::ZERO };
+    FIRST.get().is_none_or(|first| first.elapsed() < SAVE_LIMIT + more)
+}
+
+/// Gives the picture a time of its own, after that of its samples.
+pub(crate) fn samples_are_saved() {
+    SAMPLES_SAVED.store(true, Ordering::Relaxed);
 }
 
 /// A scope in which a first signal may interrupt work that is worth saving.

@@ -24,6 +24,9 @@ pub(crate) struct Report {
     pub pixels: u64,
     /// The files written, the picture first; "-" is the standard output.
     pub files: Vec<String>,
+    /// The last of the files, if it holds the samples of a partial picture whose own file can't.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples_file: Option<String>,
     /// The width and height of the rendered part.
     pub size: [u32; 2],
     /// The number of primitives in the world.
@@ -118,16 +121,7 @@ impl Report {
     pub(crate) fn text(&self, sampling: &str) -> String {
         let mut out = String::new();
         let [width, height] = self.size;
-        let is_exr = |file: &str| file.ends_with(".exr");
-        let files = match &self.files[..] {
-            [] => String::from("nothing written"),
-            [only] if only == "-" => String::from("standard output"),
-            [only] => only.clone(),
-            [first, samples] if !self.complete && is_exr(samples) && !is_exr(first) => {
-                format!("{first} and its samples in {samples}")
-            }
-            [first, more @ ..] => format!("{first} and {}", plural(more.len() as u64, "layer")),
-        };
+        let files = files_in_words(&self.files, self.samples_file.as_deref());
         // What a render with an open end made isn't what it was allowed to.
         let made = self.samples.map_or_else(|| sampling.to_owned(), |samples| format!("{} per pixel", samples.words()));
         out += &format!("{files}: {width} x {height} pixels, {made}\n");
@@ -160,5 +154,37 @@ impl Report {
             t(self.seconds.write)
         );
         out
+    }
+}
+
+/// The files of a picture for people. The last of them is `samples`, if that is given.
+fn files_in_words(files: &[String], samples: Option<&str>) -> String {
+    let layers = |count: usize| plural(count as u64, "layer");
+    match (files, samples) {
+        ([], _) => "nothing written".into(),
+        ([only], _) if only == "-" => "standard output".into(),
+        ([only], _) => only.clone(),
+        ([picture, more @ ..], None) => format!("{picture} and {}", layers(more.len())),
+        ([picture, _], Some(samples)) => format!("{picture} and its samples in {samples}"),
+        ([picture, more @ .., _], Some(samples)) => {
+            format!("{picture}, {} and its samples in {samples}", layers(more.len()))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_told_by_what_they_hold() {
+        let words = |files: &[&str], samples| {
+            files_in_words(&files.iter().map(|file| (*file).to_owned()).collect::<Vec<_>>(), samples)
+        };
+        assert_eq!(words(&["-"], None), "standard output");
+        assert_eq!(words(&["a.png", "a.depth.exr"], None), "a.png and 1 layer");
+        assert_eq!(words(&["a.png", "s.exr"], Some("s.exr")), "a.png and its samples in s.exr");
+        let parts = ["a.png", "a.depth.png", "a.normal.png", "s"];
+        assert_eq!(words(&parts, Some("s")), "a.png, 2 layers and its samples in s");
     }
 }

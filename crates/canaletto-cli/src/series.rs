@@ -94,7 +94,7 @@ impl<'a> Series<'a> {
             plan,
             reader,
             solutions,
-            writer: FrameWriter::new(plan, flags.quiet),
+            writer: FrameWriter::new(plan),
             told: HashSet::new(),
             start: Instant::now(),
             rendered: 0,
@@ -297,20 +297,12 @@ impl<'a> Series<'a> {
         let start = Instant::now();
         let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };
         self.tell_of_samples(&rendering, &job);
-        let files = if rendering.complete {
-            self.writer.write(&frame_picture)?
+        let (files, samples_file) = if rendering.complete {
+            (self.writer.write(&frame_picture)?, None)
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
-            let mut files = self.writer.write_part(&frame_picture)?;
-            let has_place = plan.output.has_place_beside(&plan.files(frame)[0]);
-            if rendering.samples.is_some() && has_place && !plan.numbered && !plan.output.format.has_layers() {
-                texts.push(frame_context.scene_digest.clone());
-                add_samples(&mut rendering, &mut texts);
-                let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };
-                files.push(self.writer.write_samples(&frame_picture)?);
-            }
-            files
+            self.write_part(&frame_context.scene_digest, texts, &mut rendering, (world, &job))?
         } else {
-            Vec::new() // A black picture is worthless, and a film has whole frames.
+            (Vec::new(), None) // A black picture is worthless, and a film has whole frames.
         };
         let rays_total = rendering.counts.rays.total();
         let report = Report {
@@ -320,6 +312,7 @@ impl<'a> Series<'a> {
             pixels_done: rendering.pixels_done,
             pixels,
             files,
+            samples_file,
             size: [width, height],
             primitives: world.primitives(),
             hierarchies: frame_context.hierarchies,
@@ -333,6 +326,44 @@ impl<'a> Series<'a> {
             seconds: Times { render, write: start.elapsed().as_secs_f64(), ..frame_context.times },
         };
         Ok(RenderedFrame { whole: report.complete, report })
+    }
+
+    /// Writes the part of a picture, and its samples if the picture's own file can't hold them; returns the files'
+    /// names, that of the samples apart, too.
+    fn write_part(
+        &self,
+        scene_digest: &(String, String),
+        texts: Vec<(String, String)>,
+        rendering: &mut Rendering,
+        (world, job): (&World, &Job),
+    ) -> Result<(Vec<String>, Option<String>), Failure> {
+        let plan = self.plan;
+        let has_place = plan.output.has_place_beside(&plan.files(job.frame)[0]);
+        let has_own = rendering.samples.is_some() && has_place && !plan.numbered && !plan.output.format.has_layers();
+        // The samples come first. The picture can be made of them, but they can't be made of the picture. So a second
+        // signal, a crash or the end of the time for saving rather costs the picture. The picture takes little time.
+        let samples = has_own.then(|| {
+            let mut texts = texts.clone();
+            texts.push(scene_digest.clone());
+            let own = rendering.picture.layers.len();
+            add_samples(rendering, &mut texts);
+            let written = self.writer.write_samples(&FramePicture { world, job, rendering, texts: &texts });
+            rendering.picture.layers.truncate(own);
+            written
+        });
+        let mut is_late = !interrupt::has_time_to_save();
+        if has_own {
+            interrupt::samples_are_saved();
+        }
+        // Where the disk has no room for the samples, it may have some for the picture.
+        let mut files = self.writer.write_part(&FramePicture { world, job, rendering, texts: &texts })?;
+        is_late |= !interrupt::has_time_to_save();
+        if is_late && plan.style != Style::Json && !self.flags.quiet {
+            eprint_line("saving the part took too long: its lower rows, layers or samples may be missing");
+        }
+        let samples = samples.transpose()?;
+        files.extend(samples.clone());
+        Ok((files, samples))
     }
 
     /// Denoises a complete picture, and removes the layers that only denoising needs.

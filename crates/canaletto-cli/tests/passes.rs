@@ -115,12 +115,18 @@ fn samples_of_another_picture_are_refused_by_name() {
 /// The last event of a render of 4096 samples that is interrupted after 16, and the number of samples to go on to.
 #[cfg(unix)]
 fn interrupted(folder: &Folder, output: &str) -> (serde_json::Value, u64) {
-    let run = format!("render s.kdl --size 96x64 --samples 4096 --progress json -o {output}");
+    interrupted_after(folder, &format!("--size 96x64 -o {output}"), 16)
+}
+
+#[cfg(unix)]
+fn interrupted_after(folder: &Folder, flags: &str, samples: u32) -> (serde_json::Value, u64) {
+    let run = format!("render s.kdl --samples 4096 --progress json {flags}");
+    let passed = format!("\"samples\":{samples},");
     let mut child = folder.command(&run).stderr(Stdio::piped()).spawn().unwrap();
     let lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
     let mut last = String::new();
     for line in lines.map_while(Result::ok) {
-        if line.contains("\"samples\":16,") && line.contains("\"event\":\"pass\"") {
+        if line.contains(&passed) && line.contains("\"event\":\"pass\"") {
             let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
             assert!(kill.success());
         }
@@ -153,11 +159,24 @@ fn an_interrupted_png_goes_on() {
     let folder = Folder::new();
     let (done, wanted) = interrupted(&folder, "a.png");
     assert_eq!(done["files"], serde_json::json!(["a.partial.png", "a.png.partial.exr"]));
+    assert_eq!(done["samples_file"], "a.png.partial.exr");
     let run = format!("render s.kdl --size 96x64 --samples {wanted} -q");
     folder.says(&format!("{run} --continue a.png.partial.exr -o a.png"), 0, &[]);
     folder.says(&format!("{run} -o whole.png"), 0, &[]);
     folder.same("a.png", "whole.png");
     assert!(!folder.path("a.partial.png").exists() && !folder.path("a.png.partial.exr").exists());
+}
+
+/// The samples are worth more than the picture. The picture is large, so that the times of the files differ.
+#[cfg(unix)]
+#[test]
+fn the_samples_of_an_interrupted_png_are_saved_first() {
+    let folder = Folder::new();
+    let (done, _) = interrupted_after(&folder, "--size 480x320 -o a.png --aov depth", 2);
+    assert_eq!(done["files"], serde_json::json!(["a.partial.png", "a.depth.partial.png", "a.png.partial.exr"]));
+    let time = |name: &str| fs::metadata(folder.path(name)).unwrap().modified().unwrap();
+    assert!(time("a.png.partial.exr") < time("a.partial.png"), "the picture was written first");
+    assert!(folder.picture("a.png.partial.exr").image.channel("samples.X").is_some());
 }
 
 #[test]
