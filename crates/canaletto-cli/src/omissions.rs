@@ -22,6 +22,10 @@ pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnosti
                 "the surfaces shine, but light nothing: take integrator \"path\" or \"radiosity\", or put a light in \
                  their place",
             ),
+            Omission::OpenBody { .. } => warning.help(
+                "an open edge has no face on its other side, one that is turned round, or one of another material; a \
+                 modeller fills holes and turns faces outwards",
+            ),
             Omission::Ambient { .. } => warning.help("leave ambient out, or write ambient 0"),
             _ => warning,
         });

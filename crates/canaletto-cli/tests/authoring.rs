@@ -66,6 +66,27 @@ fn said(output: &Output, code: i32, words: &[&str]) -> String {
     said
 }
 
+/// A box whose last side is missing holds no medium, which explains a picture without it.
+#[test]
+fn meshes_that_should_hold_a_medium_are_told_of_if_they_are_open() {
+    const BOX: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+        f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n";
+    let folder = Folder::new();
+    folder.write("open.obj", BOX);
+    folder.write("closed.obj", &format!("{BOX}f 4 1 5 8\n"));
+    let scene = |file: &str| {
+        format!(
+            "{SCENE}material \"ale\" {{ dielectric 1.33; absorption 1 2 3 }}\nintegrator \"path\"\n\
+             mesh file=\"{file}\" material=\"ale\" name=\"cup\"\n"
+        )
+    };
+    folder.write("cup.kdl", &scene("open.obj"));
+    let words = ["\"cup\" has 4 open edges", "\"ale\" is missing there", "help: an open edge", "ok, 1 warning"];
+    folder.says("check cup.kdl", 0, &words);
+    folder.write("cup.kdl", &scene("closed.obj"));
+    folder.says("check cup.kdl", 0, &["cup.kdl: ok\n"]);
+}
+
 #[test]
 fn an_integrator_is_chosen_before_its_settings() {
     let folder = Folder::new();

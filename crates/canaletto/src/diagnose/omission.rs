@@ -27,6 +27,15 @@ pub enum Omission {
         /// The names of the materials, in the scene's order.
         materials: Vec<String>,
     },
+    /// Media fill closed bodies only, and a mesh isn't closed.
+    OpenBody {
+        /// The name of the object.
+        object: String,
+        /// The name of its material.
+        material: String,
+        /// The number of its edges that aren't passed as often in one direction as in the other.
+        edges: u32,
+    },
     /// Ambient light isn't added, since the integrator finds the light that it stands for.
     Ambient {
         /// The name of the integrator.
@@ -62,6 +71,11 @@ impl fmt::Display for Omission {
                 let fill = if materials.len() == 1 { "fills its" } else { "fill their" };
                 write_names(f, "material", materials)?;
                 write!(f, " {fill} bodies with a medium, which the {integrator} integrator leaves out")
+            }
+            Omission::OpenBody { object, material, edges } => {
+                let edges = if *edges == 1 { "1 open edge".to_owned() } else { format!("{edges} open edges") };
+                write!(f, "absorption and media fill closed bodies only, and \"{object}\" has {edges}: ")?;
+                write!(f, "the medium of material \"{material}\" is missing there")
             }
             Omission::Ambient { integrator, ambient } => {
                 let [r, g, b] = ambient.to_array();
@@ -128,11 +142,17 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
             all.push(Omission::EmissionAsLight { integrator, materials });
         }
     }
-    if !matches!(job.integrator, Integrator::Path(_)) {
-        let materials = names_of(&|_, material| !material.medium.is_vacuum());
-        if !materials.is_empty() {
-            all.push(Omission::Media { integrator, materials });
-        }
+    if matches!(job.integrator, Integrator::Path(_)) {
+        all.extend(world.open_meshes().into_iter().map(|open| Omission::OpenBody {
+            object: open.object.to_owned(),
+            material: open.material.name.clone(),
+            edges: open.edges,
+        }));
+        return all;
+    }
+    let materials = names_of(&|_, material| !material.medium.is_vacuum());
+    if !materials.is_empty() {
+        all.push(Omission::Media { integrator, materials });
     }
     all
 }
@@ -141,11 +161,11 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::material::Phong;
+    use crate::material::{Dielectric, Medium, Phong};
     use crate::scene::{
-        Content, Extrinsics, FilmSettings, Intrinsics, Node, RadiositySettings, Scene, WhittedSettings,
+        Content, Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, RadiositySettings, Scene, WhittedSettings,
     };
-    use crate::shape::{Plane, Shape, Sphere};
+    use crate::shape::{Mesh, Plane, Shape, Sphere};
     use glam::Vec3;
 
     fn told(nodes: Vec<Node>, stage: Stage) -> Vec<String> {
@@ -181,6 +201,56 @@ mod tests {
         let all = told((0..6).map(plane).collect(), Stage::Diffuse);
         assert_eq!(all, [format!("materials \"a\", \"b\", \"c\", \"d\" and 2 more emit, {end}")]);
         assert_eq!(told(vec![plane(4), plane(2)], Stage::Full), [format!("materials \"c\" and \"e\" emit, {end}")]);
+    }
+
+    /// A pyramid whose faces share no vertex, without its last `missing` faces.
+    fn pyramid(missing: usize) -> Mesh {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+        let mut mesh = Mesh::default();
+        for face in &faces[..4 - missing] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(face.map(|corner: usize| corners[corner]));
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        mesh
+    }
+
+    #[test]
+    fn meshes_with_a_medium_that_are_not_closed_are_named_once() {
+        let fog = Medium { absorption: Rgb::WHITE, ..Medium::VACUUM };
+        let materials = vec![
+            Material::new("fog", Dielectric::new(1.0)).with_medium(fog),
+            Material::new("glass", Dielectric::new(1.5)),
+            Material::new("paint", Phong::default()).with_medium(fog),
+        ];
+        let camera = Camera::new(&Intrinsics::default(), &Extrinsics::default()).unwrap();
+        let told = |nodes: Vec<Node>, integrator: Integrator| {
+            let (materials, meshes) = (materials.clone(), vec![pyramid(0), pyramid(1), pyramid(2)]);
+            let world = World::build(Scene { materials, meshes, nodes, ..Scene::default() }).unwrap();
+            let job = Job::new(camera.clone(), FilmSettings::default(), integrator);
+            omissions(&world, &job).iter().map(Omission::to_string).collect::<Vec<_>>()
+        };
+        let mesh = |mesh: u32, material: u32| Node::new(Content::Mesh(mesh)).with_material(material);
+        let nodes = vec![
+            mesh(0, 0),
+            mesh(1, 1),
+            mesh(1, 2),
+            mesh(1, 0).named("tent"),
+            mesh(1, 0).named("copy"),
+            mesh(2, 0).named("wedge"),
+        ];
+        let sentence = |object: &str, edges: u32| {
+            format!(
+                "absorption and media fill closed bodies only, and \"{object}\" has {edges} open edges: the medium of \
+                 material \"fog\" is missing there"
+            )
+        };
+        let path = Integrator::Path(PathSettings::default());
+        assert_eq!(told(nodes.clone(), path), [sentence("tent", 3), sentence("wedge", 4)]);
+        assert!(told(nodes[..3].to_vec(), path).is_empty());
+        let classic = told(nodes, WhittedSettings::default().into());
+        assert!(classic.len() == 1 && classic[0].starts_with("materials \"fog\" and \"paint\" fill"), "{classic:?}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::World;
 use super::geometry::Geometry;
 use super::instance::Instance;
 use super::query::Hit;
-use super::shells::Shells;
+use super::shells::{OpenEdges, Shells};
 use crate::material::{Material, Target, TextureUse};
 use crate::math::DRay;
 use crate::shape::{Shape, ShapeHit};
@@ -54,6 +54,16 @@ impl Body {
     }
 }
 
+/// A mesh whose medium fills nothing around its open edges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OpenMesh<'w> {
+    /// The name of the object.
+    pub(crate) object: &'w str,
+    pub(crate) material: &'w Material,
+    /// The number of its open edges.
+    pub(crate) edges: u32,
+}
+
 impl Material {
     /// Whether a closed surface of this material bounds a body: light passes everywhere by refraction.
     fn fills(&self) -> bool {
@@ -71,6 +81,39 @@ impl World {
     #[inline]
     pub(crate) fn has_clear(&self) -> bool {
         self.has_clear
+    }
+
+    /// The meshes with a medium that aren't closed. A mesh that is used several times is named once.
+    pub(crate) fn open_meshes(&self) -> Vec<OpenMesh<'_>> {
+        let is_filled = |material: &Material| material.fills() && !material.medium.is_vacuum();
+        if !self.materials.iter().any(is_filled) {
+            return Vec::new();
+        }
+        let open_edges = |shells: &Option<Shells>| shells.as_ref().map_or_else(Vec::new, |s| s.open_edges().to_vec());
+        let mut open: Vec<Vec<OpenEdges>> = self.shells.iter().map(open_edges).collect();
+        let mut left = open.iter().filter(|edges| !edges.is_empty()).count();
+        let mut found = Vec::new();
+        for number in 0..self.root.leaves {
+            if left == 0 {
+                break;
+            }
+            self.with_instance(number, |instance| {
+                let edges = &mut open[instance.geometry as usize];
+                let material_at =
+                    |edges: &OpenEdges| &self.materials[self.material_of(instance, edges.triangle) as usize];
+                let Some(first) = edges.iter().find(|edges| is_filled(material_at(edges))) else { return };
+                let hit = Hit { t: 0.0, instance: number, primitive: first.triangle, part: 0, uv: [0.0; 2], time: 0.0 };
+                let filled = edges.iter().filter(|edges| is_filled(material_at(edges)));
+                found.push(OpenMesh {
+                    object: &self.object(&hit).name,
+                    material: material_at(first),
+                    edges: filled.map(|edges| edges.count).sum(),
+                });
+                edges.clear();
+                left -= 1;
+            });
+        }
+        found
     }
 
     /// The clear body whose surface was hit, if the surface is closed.

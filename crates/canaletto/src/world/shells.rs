@@ -7,7 +7,7 @@ use super::folds::folds;
 use crate::shape::Mesh;
 use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// The closed parts of a mesh.
 #[derive(Debug)]
@@ -22,6 +22,17 @@ pub(super) struct Shells {
     folds: Aabb,
     /// For each slot with closed parts, the first triangle of them.
     examples: Vec<u32>,
+    /// The open edges of each slot that has some.
+    open: Vec<OpenEdges>,
+}
+
+/// The edges of a slot that aren't passed as often in one direction as in the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct OpenEdges {
+    /// A triangle at one of them.
+    pub(super) triangle: u32,
+    /// Their number.
+    pub(super) count: u32,
 }
 
 /// The sides of all triangles, ordered by their smaller end.
@@ -40,12 +51,12 @@ impl Shells {
         let last = mesh.materials.len().saturating_sub(1) as u32;
         let slot = |triangle: usize| mesh.slots.get(triangle).map_or(0, |&slot| slot.min(last));
         let mut sides = Sides::of(mesh, slot, |v| v);
-        let mut open = sides.open_triangles();
+        let (mut open, mut edges) = sides.open_triangles();
         if !open.is_empty() {
             // Vertices in one place may have different numbers, as on both sides of a seam.
             let welded = weld(&mesh.positions);
             sides = Sides::of(mesh, slot, |v| welded[v as usize]);
-            open = sides.open_triangles();
+            (open, edges) = sides.open_triangles();
         }
         let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
         let mut volumes = vec![0.0; last as usize + 1];
@@ -66,7 +77,12 @@ impl Shells {
             2 * slot(triangle) + u32::from(is_open)
         });
         let slots = (0..mesh.slots.len()).map(slot).collect();
-        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect(), folds, examples }
+        Shells { slots, closed, volumes: volumes.into_iter().map(f64::abs).collect(), folds, examples, open: edges }
+    }
+
+    /// The open edges of each slot that has some.
+    pub(super) fn open_edges(&self) -> &[OpenEdges] {
+        &self.open
     }
 
     /// The box around all places where the mesh lies on itself.
@@ -137,16 +153,20 @@ impl<S: Fn(usize) -> u32> Sides<S> {
         }
     }
 
-    /// The triangles at edges that aren't passed as often in one direction as in the other.
-    fn open_triangles(&self) -> Vec<u32> {
+    /// The triangles at edges that aren't passed as often in one direction as in the other, and these edges by slot.
+    fn open_triangles(&self) -> (Vec<u32>, Vec<OpenEdges>) {
         let mut open = Vec::new();
+        let mut edges: BTreeMap<u32, OpenEdges> = BTreeMap::new();
         self.each_edge(|edge| {
             let balance: i64 = edge.iter().map(|(_, way)| if way & 1 == 1 { 1 } else { -1 }).sum();
             if balance != 0 {
                 open.extend(edge.iter().map(|(_, way)| way >> 1));
+                let triangle = edge[0].1 >> 1;
+                let of_slot = edges.entry((self.slot)(triangle as usize));
+                of_slot.or_insert(OpenEdges { triangle, count: 0 }).count += 1;
             }
         });
-        open
+        (open, edges.into_values().collect())
     }
 }
 
@@ -219,6 +239,7 @@ mod tests {
     fn a_cube_of_loose_faces_is_closed() {
         let shells = Shells::of(&cube(-0.5, 2.0, false));
         assert!((0..12).all(|triangle| is_near(shells.around(triangle), 8.0)));
+        assert_eq!(shells.open_edges(), []);
     }
 
     #[test]
@@ -234,6 +255,9 @@ mod tests {
         let shells = Shells::of(&both(cube(0.0, 2.0, false), &lid_off));
         assert!((0..12).all(|triangle| is_near(shells.around(triangle), 8.0)));
         assert!((12..23).all(|triangle| shells.around(triangle).is_none()));
+        let [OpenEdges { triangle: 12..23, count: 3 }] = shells.open_edges() else {
+            panic!("{:?}", shells.open_edges());
+        };
     }
 
     #[test]
