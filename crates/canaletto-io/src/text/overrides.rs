@@ -6,7 +6,7 @@ use super::arithmetic::{LET, REPEAT};
 use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{
-    self, ALTERNATIVES, ANIMATION, CAMERA, DEFAULT_CAMERA, ENVIRONMENT, GROUP, INCLUDE, INTEGRATOR, LIGHT,
+    self, ALIASES, ALTERNATIVES, ANIMATION, CAMERA, DEFAULT_CAMERA, ENVIRONMENT, GROUP, INCLUDE, INTEGRATOR, LIGHT,
     MATERIAL_NODE, PATH, PROTOTYPE, TEXTURE,
 };
 use super::report::{Message, Report};
@@ -282,8 +282,25 @@ fn change(node: &mut Node, word: &str, name: Option<&str>, value: &Node, names: 
     }
 }
 
-/// Replaces the node's child or property of that name, and removes those that it excludes.
-fn put(node: &mut Node, value: Node) {
+/// Replaces the node's child or property of that name, and removes those that it excludes. Where the node says the same
+/// in a block, it is replaced there.
+fn put(node: &mut Node, mut value: Node) {
+    let says = |block: &Node, field: &str| {
+        let has_property = block.properties.iter().any(|property| *property.key == *field);
+        has_property || block.children.iter().any(|child| *child.name == *field)
+    };
+    for [field, block, inner] in ALIASES {
+        if *value.name == *field {
+            let mut blocks = node.children.iter_mut();
+            if let Some(block) = blocks.find(|child| *child.name == *block && says(child, inner)) {
+                value.name = inner.into();
+                return put(block, value);
+            }
+        } else if *value.name == *block && says(&value, inner) {
+            node.properties.retain(|property| *property.key != *field);
+            node.children.retain(|child| *child.name != *field);
+        }
+    }
     for pair in ALTERNATIVES.iter().filter(|pair| pair.contains(&&*value.name)) {
         let excluded = |name: &str| pair.contains(&name) && name != &*value.name;
         node.properties.retain(|property| !excluded(&property.key));
@@ -333,6 +350,36 @@ mod tests {
         let own = WhittedSettings { max_depth: 3, shadows: false, ..WhittedSettings::DEFAULT };
         assert_eq!(set(&["integrator=whitted"]), Ok(own.into()));
         assert_eq!(set(&["integrator.max-depth=4"]), Ok(WhittedSettings { max_depth: 4, ..own }.into()));
+    }
+
+    /// The coverage of a material and the absorption of its medium.
+    fn surface(material: &str, set: &str) -> Result<(f32, f32), String> {
+        let text = format!("{SCENE}material \"m\" {{ {material} }}\nbox material=\"m\" {{ min 0 0 0; max 1 1 1 }}\n");
+        let read = read_scene_text(&text, "s", &MemoryAssets::new(), &[set.to_owned()]);
+        let (scene, _) = read.map_err(|mistakes| mistakes.to_string())?;
+        let material = scene.materials.iter().find(|material| material.name == "m").unwrap();
+        Ok((material.coverage, material.medium.absorption.to_array()[0]))
+    }
+
+    #[test]
+    fn what_a_block_says_too_is_replaced_there() {
+        for scene in ["standard { opacity 0.5 }", "standard opacity=0.5", "coverage 0.5; standard", "standard"] {
+            assert_eq!(surface(scene, "material.m.coverage=0.25"), Ok((0.25, 0.0)), "{scene}");
+        }
+        for scene in ["coverage 0.5; standard", "standard { opacity 0.5 }", "coverage 0.5", ""] {
+            assert_eq!(surface(scene, "material.m.standard=opacity=0.25"), Ok((0.25, 0.0)), "{scene}");
+        }
+        // What the new block doesn't say stays beside it.
+        assert_eq!(surface("coverage 0.5", "material.m.standard=thin-walled=#true"), Ok((0.5, 0.0)));
+        for scene in ["medium { absorption 0.5 }", "medium { absorption 0.5; scattering 1 }", "medium { scattering 1 }"]
+        {
+            assert_eq!(surface(scene, "material.m.absorption=0.25"), Ok((1.0, 0.25)), "{scene}");
+        }
+        assert_eq!(surface("dielectric 1.5; absorption 1", "material.m.medium=absorption=0.25"), Ok((1.0, 0.25)));
+        let told = surface("standard { opacity 0.5 }", "material.m.coverage=3").unwrap_err();
+        assert!(told.contains("--set:1") && told.contains("must be between 0"), "{told}");
+        let told = surface("coverage 0.5; standard { opacity 0.5 }", "material.m.kd=1").unwrap_err();
+        assert!(told.contains("given twice"), "{told}");
     }
 
     #[test]

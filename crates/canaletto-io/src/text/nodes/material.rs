@@ -129,6 +129,9 @@ pub(crate) static MEDIUM: NodeSchema = NodeSchema::new(
 .example("material \"fog\" { medium { absorption 0.1; scattering 0.5; anisotropy 0.3 } }");
 const MEDIUM_FIELD: Field<Block> = Field::block(&MEDIUM, "smoke, fog or another medium in a closed body; see below");
 
+/// Two ways to say how much light a medium absorbs.
+pub(super) const ABSORPTION_OR_IN_MEDIUM: [&str; 3] = [ABSORPTION.name(), MEDIUM_FIELD.name(), ABSORPTION.name()];
+
 const ALPHA: Field<f32> =
     Field::new("alpha", "instead of roughness: its square, the width of the distribution of microfacets");
 
@@ -283,7 +286,7 @@ impl<'a> Decoder<'a> {
         change(&mut medium.absorption, inner.get(&ABSORPTION));
         change(&mut medium.scattering, inner.get(&SCATTERING));
         change(&mut medium.anisotropy, inner.get(&ANISOTROPY));
-        if fields.has_named(ABSORPTION.name()) {
+        if inner.has(&ABSORPTION) && fields.has_named(ABSORPTION.name()) {
             let problem = "is given twice, in the medium and beside it; leave one out";
             self.out_of_range(fields, &OutOfRange::new(ABSORPTION.name(), problem));
         }

@@ -147,6 +147,9 @@ pub(crate) const ALTERNATIVES: [[&str; 2]; 5] = [
     material::ROUGHNESS_OR_ALPHA,
 ];
 
+/// Fields of a node that a field in a block of it says, too: the field, the block and its field.
+pub(crate) const ALIASES: [[&str; 3]; 2] = [standard::COVERAGE_OR_OPACITY, material::ABSORPTION_OR_IN_MEDIUM];
+
 /// The name of an object or light, and its place. The name of a light is a property, since its kind stands after the
 /// word; so is that of an instance, since its target does.
 pub(crate) fn name_of(node: &Node) -> Option<(&str, Span)> {

@@ -142,6 +142,9 @@ pub(crate) static STANDARD: NodeSchema = NodeSchema::new(
 )
 .example("material \"car\" { standard { base { color 0.8 0.1 0.05 }; coat { weight 1; roughness 0.05 } } }");
 
+/// Two ways to say how much of a standard surface is there.
+pub(super) const COVERAGE_OR_OPACITY: [&str; 3] = [COVERAGE.name(), STANDARD_FIELD.name(), OPACITY.name()];
+
 pub(super) const STANDARD_FIELD: Field<Block> =
     Field::block(&STANDARD, "the standard surface, instead of all numbers above; see below");
 
