@@ -382,4 +382,11 @@ fn media_without_a_surface_are_left_out() {
     let ball = |material: &str| format!("sphere material=\"{material}\" {{ center 0 0 0; radius 1 }}");
     assert_eq!(picture(&ball("fog")).pixels, picture("").pixels);
     assert_ne!(picture(&ball("wall")).pixels, picture("").pixels);
+    // Nor do they throw shadows, out of the view and without bounds.
+    let above = |material: &str| format!("sphere material=\"{material}\" {{ center 0 3 2; radius 0.8 }}");
+    let ceiling = |material: &str| format!("plane material=\"{material}\" {{ point 0 4 0; normal 0 1 0 }}");
+    for shade in [&above as &dyn Fn(&str) -> String, &ceiling] {
+        assert_eq!(picture(&shade("fog")).pixels, picture("").pixels);
+        assert_ne!(picture(&shade("wall")).pixels, picture("").pixels);
+    }
 }

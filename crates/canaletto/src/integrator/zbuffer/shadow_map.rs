@@ -13,7 +13,6 @@ use super::unshaded_view::UnshadedView;
 use crate::integrator::whitted::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
 use crate::material::Material;
-use crate::shape::Shape;
 use crate::world::{Hit, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
@@ -35,6 +34,8 @@ pub(super) struct ShadowMaps<'w> {
     world: &'w World,
     /// For each light its maps; none if it casts no shadows.
     lights: Vec<Vec<ShadowMap>>,
+    /// The numbers of the shapes without bounds that cast shadows.
+    unbounded: Vec<u32>,
 }
 
 /// Whether a surface blocks light, as far as a map can tell.
@@ -65,7 +66,13 @@ impl<'w> ShadowMaps<'w> {
             }
             lights.push(maps);
         }
-        ControlFlow::Continue(ShadowMaps { world, lights })
+        // What a map would leave out casts no shadow without bounds either, such as a medium without a surface.
+        let blocks = |&number: &u32| {
+            let hit = Hit { instance: Hit::UNBOUNDED, primitive: number, t: 0.0, part: 0, uv: [0.0; 2], time: 0.0 };
+            world.casts_shadow(Hit::UNBOUNDED, number) && casts_shadows(world.material(&hit))
+        };
+        let unbounded = (0..world.unbounded_shapes().count() as u32).filter(blocks).collect();
+        ControlFlow::Continue(ShadowMaps { world, lights, unbounded })
     }
 }
 
@@ -171,10 +178,8 @@ impl ShadowMap {
 impl ShadowLookup for ShadowMaps<'_> {
     fn passed(&self, light: u32, [start, to]: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32 {
         let ray = Ray::new(start, to);
-        let blocks = |(number, shape): (u32, &Shape)| {
-            self.world.casts_shadow(Hit::UNBOUNDED, number) && shape.intersect(&ray, t_max).is_some()
-        };
-        if (0..).zip(self.world.unbounded_shapes()).any(blocks) {
+        let blocks = |&number: &u32| self.world.unbounded_shape(number).intersect(&ray, t_max).is_some();
+        if self.unbounded.iter().any(blocks) {
             return 0.0;
         }
         let maps = &self.lights[light as usize];
