@@ -44,6 +44,11 @@ impl InputGuard {
     }
 }
 
+/// Whether two paths name one file. Both are names of the same file if they are equal or if it exists.
+pub(crate) fn are_one_file(a: &Path, b: &Path) -> bool {
+    a == b || matches!((FileId::of(a), FileId::of(b)), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Whether the first bytes are those of a picture or film.
 fn is_picture(file: &Path) -> bool {
     let mut start = [0; 12];

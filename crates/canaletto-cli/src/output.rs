@@ -3,6 +3,7 @@
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
+use crate::inputs::are_one_file;
 use crate::output_format::Format;
 use crate::partial::{free_partial_path, remove_part};
 use crate::stdout::check_open;
@@ -357,6 +358,19 @@ fn folder_of(file: &Path) -> &Path {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
     }
+}
+
+/// Checks that the output of a flag is none of the files that are read for it. `-` is no file.
+///
+/// # Errors
+/// [`replaced`].
+pub(crate) fn check_inputs<'p>(
+    flag: &str,
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'p PathBuf>,
+) -> Result<(), Failure> {
+    let is_input = output != Path::new("-") && inputs.into_iter().any(|input| are_one_file(output, input));
+    if is_input { Err(replaced(flag, output)) } else { Ok(()) }
 }
 
 /// The error that an output would replace one of its inputs.

@@ -2,7 +2,8 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::output::{check_files, write_with};
+use crate::inputs::are_one_file;
+use crate::output::{check_files, check_inputs, write_with};
 use canaletto::Named;
 use canaletto::integrator::radiosity::{
     RadiosityError, RadiositySolution, ShootingWatcher, SolutionFileError, SolutionFingerprint,
@@ -10,7 +11,6 @@ use canaletto::integrator::radiosity::{
 use canaletto::render::{Job, JobError, Observer};
 use canaletto::scene::{Integrator, RadiositySettings, Scene};
 use canaletto::world::World;
-use canaletto_io::assets::FileId;
 use canaletto_io::picture::WriteOptions;
 use clap::Args;
 use serde::Serialize;
@@ -69,17 +69,12 @@ impl SolutionFlags {
 
     /// Checks before rendering that the solution can be saved, and that it and the pictures don't replace each other.
     pub(crate) fn check_files(&self, pictures: &[PathBuf], no_clobber: bool) -> Result<(), Failure> {
-        let same = |a: &Path, b: &Path| a == b || matches!((FileId::of(a), FileId::of(b)), (Ok(a), Ok(b)) if a == b);
-        if let Some(file) = &self.solution
-            && pictures.iter().any(|picture| same(picture, file))
-        {
-            return Err(crate::output::replaced("--output", file));
-        }
+        pictures.iter().try_for_each(|picture| check_inputs("--output", picture, &self.solution))?;
         let Some(file) = &self.save_solution else { return Ok(()) };
         if file == Path::new("-") {
             return Err(Failure::usage("--save-solution - : a solution needs a file").help("such as room.rad"));
         }
-        if pictures.iter().any(|picture| same(picture, file)) {
+        if pictures.iter().any(|picture| are_one_file(picture, file)) {
             return Err(Failure::usage(format!("--save-solution and --output are both {}", file.display()))
                 .help("choose another name for one of them"));
         }

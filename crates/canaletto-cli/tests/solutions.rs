@@ -397,6 +397,13 @@ fn points_are_measured_in_the_order_of_their_file() {
     let light = fs::read_to_string(folder.path("light.csv")).unwrap();
     let rows: Vec<&str> = light.lines().collect();
     assert!(rows.len() == 3 && rows[1].starts_with("0,0,0,0,1,0,") && rows[2].starts_with("0,0.5,0,0,1,0,"), "{light}");
+    // No name of the points' file is taken for its output.
+    fs::hard_link(folder.path("points.csv"), folder.path("again.csv")).unwrap();
+    for output in ["points.csv", "./points.csv", "again.csv"] {
+        let words = [&*format!("--output {output} would replace a file that is read")];
+        folder.says(&format!("{measure} points.csv -o {output}"), 2, &words);
+    }
+    fs::remove_file(folder.path("again.csv")).unwrap();
     // Its own output is a file of points.
     folder.says(&format!("{measure} light.csv -o again.csv"), 0, &["2 points"]);
     assert_eq!(fs::read_to_string(folder.path("again.csv")).unwrap(), light);

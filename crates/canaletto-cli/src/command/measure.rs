@@ -6,7 +6,7 @@ use crate::flags::SourceFlags;
 use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::omissions::shortfalls;
-use crate::output::{replaced, write_file};
+use crate::output::{check_inputs, replaced, write_file};
 use crate::points::read_points;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
@@ -125,12 +125,10 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }
-    let solution_file = || flags.solution.solution.as_ref().and_then(|file| same_file(&flags.output, file));
-    let input = reader.replaced_by([flags.output.clone()]).or_else(|| same_file(&flags.output, &flags.points));
-    let input = input.or_else(solution_file);
-    if let Some(file) = input {
+    if let Some(file) = reader.replaced_by([flags.output.clone()]) {
         return Err(replaced("--output", &file));
     }
+    check_inputs("--output", &flags.output, [&flags.points].into_iter().chain(&flags.solution.solution))?;
     let path_settings = match source.scene.integrator {
         Integrator::Path(settings) => Some(settings),
         _ => None,
@@ -211,11 +209,4 @@ fn push_line(text: &mut String, point: DVec3, normal: DVec3, measurement: &Measu
     let all = place.iter().chain(&facing).map(f64::to_string);
     let all = all.chain(light.iter().chain([&lux]).chain(&error).chain([&lux_error]).map(f32::to_string));
     let _ = writeln!(text, "{}", all.collect::<Vec<_>>().join(","));
-}
-
-/// The points' file, if the output would replace it.
-fn same_file(output: &Path, points: &Path) -> Option<PathBuf> {
-    let same = output != Path::new("-")
-        && output.canonicalize().is_ok_and(|output| points.canonicalize().is_ok_and(|points| points == output));
-    same.then(|| points.to_path_buf())
 }

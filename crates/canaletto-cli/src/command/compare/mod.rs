@@ -6,12 +6,11 @@ mod report;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags;
-use crate::output::{replaced, unfit, write_file};
+use crate::output::{check_inputs, unfit, write_file};
 use crate::output_format::Format;
 use crate::stdout::{print, print_json};
 use canaletto::scene::Transfer;
 use canaletto::{Named, named};
-use canaletto_io::assets::FileId;
 use canaletto_io::picture::{
     Comparison, EncodeSettings, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
 };
@@ -147,11 +146,8 @@ fn factor(text: &str) -> Result<f32, String> {
 
 /// Runs the command.
 pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
-    if let Some(diff) = &flags.diff
-        && let Ok(file) = FileId::of(diff)
-        && [&flags.a, &flags.b].iter().any(|input| FileId::of(input).is_ok_and(|input| input == file))
-    {
-        return Err(replaced("--diff", diff));
+    if let Some(diff) = &flags.diff {
+        check_inputs("--diff", diff, [&flags.a, &flags.b])?;
     }
     let (a, b) = (read(&flags.a, flags.layer.as_deref())?, read(&flags.b, flags.layer.as_deref())?);
     let wrong =

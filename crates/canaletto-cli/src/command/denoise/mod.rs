@@ -7,7 +7,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
 use crate::interrupt;
-use crate::output::{check_files, replaced, unfit, write_file};
+use crate::output::{check_files, check_inputs, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
 use crate::settings::list;
@@ -18,7 +18,6 @@ use canaletto::film::{Picture, develop};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{Tone, Transfer};
-use canaletto_io::assets::FileId;
 use canaletto_io::diagnostic::visible;
 use canaletto_io::picture::{Decoded, EncodeSettings, Image};
 use clap::Args;
@@ -93,12 +92,7 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     };
     flags.denoiser.check()?;
     check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
-    let inputs = [Some(&flags.picture), flags.other.as_ref()];
-    if let Ok(file) = FileId::of(&flags.output)
-        && inputs.into_iter().flatten().any(|input| FileId::of(input).is_ok_and(|input| input == file))
-    {
-        return Err(replaced("--output", &flags.output));
-    }
+    check_inputs("--output", &flags.output, [&flags.picture].into_iter().chain(&flags.other))?;
     if let Some(other) = &flags.other {
         independence::check_files([&flags.picture, other])?;
     }
