@@ -15,7 +15,10 @@ use canaletto_tests::{assert_same_picture, root};
 /// Media, dispersion, rough glass, a metal, the standard surface with all its layers, a picture around, a lens and
 /// motion. `@` stands before lengths, `/` before numbers for each length and `//` before those for each squared length.
 const BODIES: &str = r#"
-camera { eye @0 @2 @7; center @0 @0.7 @0; fovy 40; size 24 18; near @1; far @1000; lens { radius @0.1; focus-point @0 @1 @1; blades 5 } }
+camera {
+    eye @0 @2 @7; center @0 @0.7 @0; fovy 40; size 24 18; near @1; far @1000
+    lens { radius @0.1; focus-point @0 @1 @1; blades 5 }
+}
 film { samples 32 }
 integrator "path"
 environment "lat-long" file="around.hdr" { rotate-y 30 }
@@ -25,7 +28,9 @@ material "fog" { medium { absorption /0.1 /0.2 /0.3; scattering /0.8; anisotropy
 material "milk" { dielectric 1.33; medium { absorption /0.1; scattering /4 /3 /2; anisotropy -0.2 } }
 material "frost" { dielectric 1.5; roughness 0.5; absorption /0.5 /0.1 /0.2 }
 material "gold" { conductor "gold"; roughness 0.4 }
-material "diamond" { standard preset="diamond" { transmission { dispersion-abbe-number 15; color 0.6 0.8 0.9; depth @0.7 } } }
+material "diamond" { standard preset="diamond" {
+    transmission { dispersion-abbe-number 15; color 0.6 0.8 0.9; depth @0.7 }
+} }
 material "all" { standard {
     base { color 0.8 0.3 0.1; metalness 0.3; diffuse-roughness 0.7 }
     specular { roughness 0.3; anisotropy 0.5 }
@@ -36,7 +41,9 @@ material "all" { standard {
     thin-film { weight 0.6; thickness 0.4 }
     emission { radiance 0.2 }
 } }
-material "leaf" { standard { specular { roughness 0.5 }; subsurface { weight 1; color 0.9 0.8 0.5 }; opacity 0.7; thin-walled #true } }
+material "leaf" { standard {
+    specular { roughness 0.5 }; subsurface { weight 1; color 0.9 0.8 0.5 }; opacity 0.7; thin-walled #true
+} }
 plane material="floor" { point @0 @0 @0; normal 0 1 0 }
 sphere material="lamp" { center @-2 @3 @1; radius @0.3 }
 box material="fog" { min @-3 @0.01 @-2; max @3 @2.5 @-0.9 }
@@ -64,7 +71,9 @@ material "iron" { conductor "iron"; roughness 0.2 }
 box material="wall" { min @-2 @-0.1 @-2; max @2 @0 @6 }
 box material="wall" { min @-2 @0 @-2.1; max @2 @3 @-2 }
 box material="wall" { min @-2.1 @0 @-2; max @-2 @3 @6 }
-repeat 200 { sphere material="fairy" { center "@(1.2 * cos(7560 * i / 200))" "@(0.4 + 2.4 * i / 200)" "@(1.2 * sin(7560 * i / 200))"; radius @0.014 } }
+repeat 200 { sphere material="fairy" {
+    center "@(1.2 * cos(7560 * i / 200))" "@(0.4 + 2.4 * i / 200)" "@(1.2 * sin(7560 * i / 200))"; radius @0.014
+} }
 cylinder material="wall" { base @0 @0 @0; top @0 @2.6 @0; radius @0.6 }
 sphere material="fairy" { center @1.5 @1 @1; radius @0.1; motion { translate @0 @0.5 @0; rotate-x 20 } }
 sphere material="glass" { center @1.5 @0.4 @1.5; radius @0.35 }

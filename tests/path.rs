@@ -134,9 +134,11 @@ fn far_lights_are_chosen_by_their_probabilities() {
 fn a_textured_lamp_lights_by_its_texture() {
     let text = |texture: &str| {
         format!(
-            "camera {{ eye 0 1 4; center 0 0 3; fovy 40; size 16 16 }}\nfilm {{ samples 512 }}\nintegrator \"INTEGRATOR\"\n\
-             background 0\nmaterial \"floor\" {{ kd 0.5 }}\nplane material=\"floor\" {{ point 0 0 0; normal 0 1 0 }}\n\
-             texture \"checks\" kind=\"checker\" {{ even 1; odd 0 }}\nmaterial \"lamp\" {{ kd 0; emission 1{texture} }}\n\
+            "camera {{ eye 0 1 4; center 0 0 3; fovy 40; size 16 16 }}\nfilm {{ samples 512 }}\n\
+             integrator \"INTEGRATOR\"\nbackground 0\nmaterial \"floor\" {{ kd 0.5 }}\n\
+             plane material=\"floor\" {{ point 0 0 0; normal 0 1 0 }}\n\
+             texture \"checks\" kind=\"checker\" {{ even 1; odd 0 }}\n\
+             material \"lamp\" {{ kd 0; emission 1{texture} }}\n\
              box material=\"lamp\" {{ min -0.5 2 2.5; max 0.5 2.1 3.5 }}\n"
         )
     };
