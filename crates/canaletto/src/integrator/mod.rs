@@ -15,11 +15,11 @@ mod zbuffer;
 pub use counts::{Counts, RayCount, RayCounts};
 pub(crate) use first_hit::FirstHit;
 pub use measurement::Measurement;
-pub(crate) use path::{Benefit, GuidingField, GuidingRecorder, PathTracer, PreparedPath};
 pub use path::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource,
     SourceSample,
 };
+pub(crate) use path::{GuidingField, GuidingRecorder, PathTracer, PreparedPath};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};

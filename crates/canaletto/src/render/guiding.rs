@@ -1,13 +1,12 @@
 //! The training of path guiding: paths through the whole picture that tell where light comes from.
 
 use super::pixel::PixelRenderer;
-use crate::integrator::{Benefit, GuidingField, GuidingRecorder, PreparedPath, PreparedRayIntegrator};
+use crate::integrator::{GuidingField, GuidingRecorder, PreparedPath, PreparedRayIntegrator};
 use crate::job::{Job, Observer, SolvingPhase, SolvingProgress};
 use crate::scene::{Guiding, PathSettings, SamplerKind};
 use crate::world::World;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The rounds of the training. Each has twice as many paths as the one before.
 const ROUNDS: u32 = 4;
@@ -18,13 +17,21 @@ const FEWEST_PATHS: u64 = 1 << 16;
 const MOST_PATHS: u64 = 1 << 19;
 
 /// The number of paths that one thread takes at once.
-const CHUNK: u64 = 1024;
+const CHUNK: u64 = 256;
 
-/// How rare the directions that bring light must be in the first round for the training to go on. The Cornell box has
-/// 10, light through a gap 35, a lamp in glass 275.
-const RARE: f64 = 100.0;
+/// The most paths that tell whether the training begins. Pictures above 23 × 23 pixels have that many, so that
+/// their size decides nothing.
+const FIRST_PATHS: u64 = 2048;
 
-/// The second moment with guiding, over that without, up to which it is worth its time.
+/// How rare the directions that bring light must be for the training to begin. The Cornell box has 1, a room with a
+/// glass ball 7, a lamp behind a screen 31 and a lamp in glass 220.
+const RARE: f64 = 20.0;
+
+/// The noise of directions with guiding, over that without, up to which the training goes on after a round.
+const PROMISING: f64 = 0.98;
+
+/// That ratio after the last round, up to which guiding is worth its time. Of a picture's variance half or less is left
+/// then, as a path has many directions.
 const WORTHWHILE: f64 = 0.9;
 
 /// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
@@ -39,25 +46,18 @@ pub(crate) fn prepare_path(
         return ControlFlow::Continue(prepared);
     }
     let [width, height] = job.camera.size().map(u64::from);
-    let budget = (width * height * PATHS_PER_PIXEL).clamp(FEWEST_PATHS, MOST_PATHS);
+    let wished = width * height * PATHS_PER_PIXEL;
+    let budget = wished.clamp(FEWEST_PATHS, MOST_PATHS);
     // The picture's samples are independent of those of the training.
     let mut own = job.clone();
     own.seed = job.seed ^ 0x6775_6964_6564_2121;
     own.film.sampler = SamplerKind::Independent;
     let pixels = PixelRenderer::new(&own);
-    let stopped = AtomicBool::new(false);
-    let mut begun = 0;
-    for round in 0..ROUNDS {
-        observer.solving(&SolvingProgress {
-            phase: SolvingPhase::Guiding { round: round + 1, rounds: ROUNDS },
-            patches: 0,
-            links: 0,
-        });
-        let count = budget * (1 << round) / ((1 << ROUNDS) - 1);
-        let cancelled = |_| stopped.load(Ordering::Relaxed) || observer.cancelled();
-        let trained = &prepared;
+    let cancelled = |_| observer.cancelled();
+    // Traces paths, of which `begun` were traced before.
+    let trace = |prepared: &PreparedPath, begun: u64, count: u64| {
         let chunk = |number: u64| {
-            let mut tracer = trained.worker(world, &cancelled);
+            let mut tracer = prepared.worker(world, &cancelled);
             let mut recorder = GuidingRecorder::new();
             let mut colors = Vec::new();
             for path in number * CHUNK..((number + 1) * CHUNK).min(count) {
@@ -68,22 +68,31 @@ pub(crate) fn prepare_path(
             recorder.into_records()
         };
         let records: Vec<_> = (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).flatten_iter().collect();
+        if observer.cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(records) }
+    };
+    let is_auto = settings.guiding == Guiding::Auto;
+    if is_auto && GuidingField::rarity(trace(&prepared, 0, wished.min(FIRST_PATHS))?) < RARE {
+        return ControlFlow::Continue(prepared);
+    }
+    let mut begun = 0;
+    for round in 0..ROUNDS {
+        observer.solving(&SolvingProgress {
+            phase: SolvingPhase::Guiding { round: round + 1, rounds: ROUNDS },
+            patches: 0,
+            links: 0,
+        });
+        let count = budget * (1 << round) / ((1 << ROUNDS) - 1);
+        let records = trace(&prepared, begun, count)?;
         begun += count;
-        if stopped.load(Ordering::Relaxed) || observer.cancelled() {
-            return ControlFlow::Break(());
-        }
         let is_last = round + 1 == ROUNDS;
         let field = GuidingField::new(records, is_last);
-        let Benefit { rarity, ratio } = field.benefit();
-        prepared.set_guide(Some(field));
-        let pays = match round {
-            0 => rarity > RARE,
-            _ => !is_last || ratio < WORTHWHILE,
-        };
-        if settings.guiding == Guiding::Auto && !pays {
+        // The paths of the first round weren't guided.
+        let most = if is_last { WORTHWHILE } else { PROMISING };
+        if is_auto && round > 0 && field.noise_ratio() > most {
             prepared.set_guide(None);
             break;
         }
+        prepared.set_guide(Some(field));
     }
     ControlFlow::Continue(prepared)
 }

@@ -72,8 +72,8 @@ const ROULETTE: Field<bool> =
 
 const GUIDING: Field<Guiding> = Field::word(
     "guiding",
-    "\"path\": whether paths learn before the picture where light comes from, and go there: \"auto\" where that lowers \
-         noise, \"on\" always, \"off\" never",
+    "\"path\": whether paths learn before the picture where light comes from, and go there: \"auto\" where that pays, \
+         \"on\" always, \"off\" never",
 )
 .or(|| quoted(PathSettings::DEFAULT.guiding.name()));
 

@@ -43,7 +43,7 @@ use diffuse8::DiffuseMaterials;
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
-pub(crate) use guiding::{Benefit, GuidingField, GuidingRecorder};
+pub(crate) use guiding::{GuidingField, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use stream::PathStream;

@@ -94,10 +94,6 @@ impl Lobe {
         let kappa = kappa.max(SMALLEST.into());
         Lobe { share, mean, kappa, peak: kappa / (TAU * -libm::expm1(-2.0 * kappa)) }
     }
-
-    fn density(&self, direction: DVec3) -> f64 {
-        self.peak * libm::exp(self.kappa * (self.mean.dot(direction) - 1.0))
-    }
 }
 
 impl Mixture {
@@ -117,23 +113,11 @@ impl Mixture {
         let mut lobes = first_lobes(&bright);
         let mut inverse_distances = [0.0; LOBES];
         for _ in 0..STEPS {
-            let mut sums = [(0.0, DVec3::ZERO, 0.0, 0.0); LOBES];
-            for (direction, energy, inverse_distance) in &bright {
-                let densities = lobes.map(|lobe| lobe.share * lobe.density(*direction));
-                let all: f64 = densities.iter().sum();
-                if all <= 0.0 {
-                    continue;
-                }
-                for (sum, density) in sums.iter_mut().zip(densities) {
-                    let part = density / all;
-                    let weight = part * energy;
-                    sum.0 += weight;
-                    sum.1 += *direction * weight;
-                    sum.2 += weight * inverse_distance;
-                    sum.3 += part;
-                }
-            }
-            for (i, (weight, direction, inverse_distance, count)) in sums.into_iter().enumerate() {
+            let ExpectedParts { weights, directions, inverse_distances: inverses, counts } =
+                InstructionSet::run(Expectation { mixture: &LocalMixture::of(&lobes), bright: &bright });
+            for i in 0..LOBES {
+                let (weight, count) = (weights[i], counts[i]);
+                let direction = DVec3::from(directions.map(|axis| axis[i]));
                 let share = (weight / total + PRIOR_SHARE) / (1.0 + PRIOR_SHARE * LOBES as f64);
                 lobes[i].share = share;
                 if weight <= 0.0 {
@@ -143,15 +127,10 @@ impl Mixture {
                 // Banerjee et al. 2005.
                 let kappa = cosine * (3.0 - cosine * cosine) / (1.0 - cosine * cosine).max(1e-9);
                 lobes[i] = Lobe::new(share, direction.try_normalize().unwrap_or(lobes[i].mean), kappa.min(LARGEST));
-                inverse_distances[i] = inverse_distance / weight;
+                inverse_distances[i] = inverses[i] / weight;
             }
         }
-        let at_pivot = LocalMixture {
-            shares: lobes.map(|lobe| lobe.share as f32),
-            means: [0, 1, 2].map(|axis| lobes.map(|lobe| lobe.mean[axis] as f32)),
-            kappas: lobes.map(|lobe| lobe.kappa as f32),
-            peaks: lobes.map(|lobe| lobe.peak as f32),
-        };
+        let at_pivot = LocalMixture::of(&lobes);
         Some(Mixture { pivot, at_pivot, inverse_distances: inverse_distances.map(|inverse| inverse as f32) })
     }
 
@@ -162,6 +141,58 @@ impl Mixture {
             from_pivot: (self.pivot - point).as_vec3().to_array(),
             normal: normal.map(|normal| normal.as_vec3().to_array()),
         })
+    }
+}
+
+/// Divides samples among lobes. A sample has a direction, a weight and an inverse distance.
+struct Expectation<'a> {
+    mixture: &'a LocalMixture,
+    bright: &'a [(DVec3, f64, f64)],
+}
+
+/// Each lobe's sums: of the weights, of what they weigh, and of its parts of the samples.
+#[derive(Default)]
+struct ExpectedParts {
+    weights: [f64; LOBES],
+    directions: [[f64; LOBES]; 3],
+    inverse_distances: [f64; LOBES],
+    counts: [f64; LOBES],
+}
+
+impl Kernel for Expectation<'_> {
+    type Answer = ExpectedParts;
+
+    #[inline(always)]
+    fn run(self) -> ExpectedParts {
+        let mut sums = ExpectedParts::default();
+        for (direction, energy, inverse_distance) in self.bright {
+            let densities = self.mixture.densities(direction.as_vec3().to_array());
+            let mut all = 0.0;
+            for density in densities {
+                all += density;
+            }
+            if all <= 0.0 {
+                continue;
+            }
+            let mut weights = [0.0; LOBES];
+            for i in 0..LOBES {
+                let part = f64::from(densities[i] / all);
+                weights[i] = part * energy;
+                sums.counts[i] += part;
+            }
+            for (sum, weight) in sums.weights.iter_mut().zip(weights) {
+                *sum += weight;
+            }
+            for (row, axis) in sums.directions.iter_mut().zip(direction.to_array()) {
+                for i in 0..LOBES {
+                    row[i] += weights[i] * axis;
+                }
+            }
+            for (sum, weight) in sums.inverse_distances.iter_mut().zip(weights) {
+                *sum += weight * inverse_distance;
+            }
+        }
+        sums
     }
 }
 
@@ -226,22 +257,37 @@ impl Kernel for Density<'_> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let (LocalMixture { shares, means: [x, y, z], kappas, peaks }, d) = (self.mixture, self.direction);
-        let mut parts = [0.0; LOBES];
-        for i in 0..LOBES {
-            // 1 − μ · ω = |μ − ω|² / 2 keeps its digits near the mean direction.
-            let (x, y, z) = (x[i] - d[0], y[i] - d[1], z[i] - d[2]);
-            parts[i] = shares[i] * peaks[i] * exp(-0.5 * kappas[i] * (x * x + y * y + z * z));
-        }
         let mut sum = 0.0;
-        for part in parts {
-            sum += f64::from(part);
+        for density in self.mixture.densities(self.direction) {
+            sum += f64::from(density);
         }
         sum
     }
 }
 
 impl LocalMixture {
+    fn of(lobes: &[Lobe; LOBES]) -> LocalMixture {
+        LocalMixture {
+            shares: lobes.map(|lobe| lobe.share as f32),
+            means: [0, 1, 2].map(|axis| lobes.map(|lobe| lobe.mean[axis] as f32)),
+            kappas: lobes.map(|lobe| lobe.kappa as f32),
+            peaks: lobes.map(|lobe| lobe.peak as f32),
+        }
+    }
+
+    /// The density of each lobe in a direction, times its share.
+    #[inline(always)]
+    fn densities(&self, d: [f32; 3]) -> Lanes {
+        let LocalMixture { shares, means: [x, y, z], kappas, peaks } = self;
+        let mut densities = [0.0; LOBES];
+        for i in 0..LOBES {
+            // 1 − μ · ω = |μ − ω|² / 2 keeps its digits near the mean direction.
+            let (x, y, z) = (x[i] - d[0], y[i] - d[1], z[i] - d[2]);
+            densities[i] = shares[i] * peaks[i] * exp(-0.5 * kappas[i] * (x * x + y * y + z * z));
+        }
+        densities
+    }
+
     /// A random unit direction for `u` of the unit square.
     pub(super) fn sample(&self, [u, v]: [f64; 2]) -> DVec3 {
         let mut rest = u;

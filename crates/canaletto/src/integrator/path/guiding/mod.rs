@@ -45,14 +45,17 @@ pub(crate) struct GuidingField {
     benefit: Benefit,
 }
 
-/// What guiding may bring, as the mean over cells. A cell counts by its records.
+/// What guiding may bring.
+///
+/// The noise of a cell is the second moment of the light that directions bring there, over the square of the mean of
+/// all light that leaves its vertices. So it is small where most light comes from lamps that are asked for it. Mirrors
+/// don't count, as they aren't guided.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Benefit {
-    /// The second moment of the light that a direction brings, over the square of its mean, without guiding. It is
-    /// large where few directions bring light.
-    pub(crate) rarity: f64,
-    /// The second moment with guiding over that without. It is 1 if the records' paths weren't guided.
-    pub(crate) ratio: f64,
+struct Benefit {
+    records: f64,
+    /// The sums of noise over records, without guiding and with it.
+    noise: f64,
+    guided_noise: f64,
 }
 
 #[derive(Debug)]
@@ -105,22 +108,23 @@ impl GuidingField {
         field.divide(&mut records, &mut cells);
         // Each cell is learnt by itself, and they are gathered in their order.
         let learnt: Vec<_> = cells.par_iter().map(|(_, records)| learn(records, is_final)).collect();
-        let mut count = 0.0;
-        for ((node, records), (leaf, of_cell)) in cells.iter().zip(learnt) {
-            if let Some(Benefit { rarity, ratio }) = of_cell {
-                let weight = records.len() as f64;
-                count += weight;
-                field.benefit.rarity += weight * rarity;
-                field.benefit.ratio += weight * ratio;
-            }
+        for ((node, _), (leaf, benefit)) in cells.iter().zip(learnt) {
+            field.benefit.add(benefit);
             if let Some(leaf) = leaf {
                 field.nodes[*node] = Node::Cell(Some(field.leaves.len() as u32));
                 field.leaves.push(leaf);
             }
         }
-        field.benefit.rarity /= f64::max(count, 1.0);
-        field.benefit.ratio /= f64::max(count, 1.0);
         field
+    }
+
+    /// How rare the directions are that bring light, by records of paths that weren't guided.
+    pub(crate) fn rarity(mut records: Vec<GuidingRecord>) -> f64 {
+        let mut field = GuidingField { nodes: Vec::new(), leaves: Vec::new(), benefit: Benefit::default() };
+        let mut cells = Vec::new();
+        field.divide(&mut records, &mut cells);
+        cells.iter().for_each(|(_, records)| field.benefit.add(Benefit::of(records, 0.0)));
+        field.benefit.noise / field.benefit.records.max(1.0)
     }
 
     /// Adds the node of records. `cells` are the nodes of cells with their records.
@@ -162,18 +166,39 @@ impl GuidingField {
         self.leaves.len()
     }
 
-    /// What guiding may bring.
-    pub(crate) fn benefit(&self) -> Benefit {
-        self.benefit
+    /// The noise of directions with guiding, over that without, by records of paths that were guided.
+    pub(crate) fn noise_ratio(&self) -> f64 {
+        let Benefit { noise, guided_noise, .. } = self.benefit;
+        if noise > 0.0 { guided_noise / noise } else { 1.0 }
     }
 }
 
-/// The density of a cell's records, and what guiding brings there; none where no light was found.
-fn learn(records: &[GuidingRecord], is_final: bool) -> (Option<GuidingLeaf>, Option<Benefit>) {
+impl Benefit {
+    /// The benefit in a cell with this guiding probability.
+    fn of(records: &[GuidingRecord], probability: f64) -> Benefit {
+        let scattered = || records.iter().filter(|record| record.radiance.is_some());
+        let leaving: f64 = scattered().map(|record| record.leaving).sum();
+        if leaving <= 0.0 {
+            return Benefit::default();
+        }
+        let count = scattered().count() as f64;
+        let noise = |probability| second_moment(scattered(), probability) * (count / leaving) * (count / leaving);
+        Benefit { records: count, noise: noise(0.0), guided_noise: noise(probability) }
+    }
+
+    fn add(&mut self, other: Benefit) {
+        self.records += other.records;
+        self.noise += other.noise;
+        self.guided_noise += other.guided_noise;
+    }
+}
+
+/// The density of a cell's records, and what guiding brings there.
+fn learn(records: &[GuidingRecord], is_final: bool) -> (Option<GuidingLeaf>, Benefit) {
     let samples: Vec<RadianceSample> = records.iter().filter_map(|record| record.radiance).collect();
     let middle = records.iter().map(|record| Vec3::from(record.position).as_dvec3()).sum::<DVec3>();
     let mixture = Mixture::new(&samples, middle / records.len().max(1) as f64, FEWEST_BRIGHT);
-    let moments = PROBABILITIES.map(|probability| second_moment(records, probability));
+    let moments = PROBABILITIES.map(|probability| second_moment(records.iter(), probability));
     let mut best = 0;
     for (i, moment) in moments.iter().enumerate().filter(|_| mixture.is_some()) {
         if *moment < moments[best] {
@@ -182,21 +207,16 @@ fn learn(records: &[GuidingRecord], is_final: bool) -> (Option<GuidingLeaf>, Opt
     }
     let probability = if is_final { PROBABILITIES[best] } else { TRAINING_PROBABILITY };
     let leaf = mixture.filter(|_| probability > 0.0).map(|mixture| GuidingLeaf { probability, mixture });
-    let sum: f64 = records.iter().map(|record| record.light).sum();
-    let benefit = (sum > 0.0).then(|| Benefit {
-        rarity: moments[0] * records.len() as f64 / (sum * sum),
-        ratio: moments[best] / moments[0],
-    });
-    (leaf, benefit)
+    (leaf, Benefit::of(records, PROBABILITIES[best]))
 }
 
 /// The second moment of the light of records, had their directions been sampled with this guiding probability.
-fn second_moment(records: &[GuidingRecord], probability: f64) -> f64 {
+fn second_moment<'r>(records: impl Iterator<Item = &'r GuidingRecord>, probability: f64) -> f64 {
     let of_one = |record: &GuidingRecord| {
         let pdf = pdf_of_both(probability, record.pdf_guide, record.pdf_scattering);
         if pdf > 0.0 { record.light * record.light * record.pdf / pdf } else { 0.0 }
     };
-    records.iter().map(of_one).sum()
+    records.map(of_one).sum()
 }
 
 /// The axis and place where records are divided, with the number of records below. None if they form a cell.

@@ -19,6 +19,8 @@ pub(crate) struct GuidingRecord {
     pub(super) radiance: Option<RadianceSample>,
     /// The light that the direction brought to the vertex: f |cos θ| times radiance, over its density.
     pub(super) light: f64,
+    /// The light that leaves the vertex to where the path came from: `light` and what a chosen light sends there.
+    pub(super) leaving: f64,
     /// The densities of the direction: by the surface's scattering alone, by the field, and by both as it was sampled.
     pub(super) pdf_scattering: f64,
     pub(super) pdf_guide: f64,
@@ -41,6 +43,18 @@ struct Open {
     factor: Rgb,
     /// The light that the path has found since then.
     found: Rgb,
+    /// The light that a chosen light sends to the vertex and from there to where the path came from.
+    sampled: Rgb,
+}
+
+/// The light of a source, before its shadow is known.
+#[derive(Clone, Copy, Default)]
+struct Sampled {
+    /// The light that leaves the vertex, and what of it arrives at the camera.
+    leaving: Rgb,
+    arriving: Rgb,
+    /// The number of vertices before.
+    place: usize,
 }
 
 /// The probe.
@@ -49,8 +63,8 @@ pub(crate) struct GuidingRecorder {
     /// The last surface; none in a medium.
     position: Option<DVec3>,
     open: Vec<Open>,
-    /// The light of the source that was sampled last, and the number of vertices before its vertex.
-    sampled: (Rgb, usize),
+    /// The light of the source that was sampled last.
+    sampled: Sampled,
     records: Vec<GuidingRecord>,
 }
 
@@ -61,7 +75,7 @@ impl GuidingRecorder {
             throughput: Rgb::WHITE,
             position: None,
             open: Vec::new(),
-            sampled: (Rgb::BLACK, 0),
+            sampled: Sampled::default(),
             records: Vec::new(),
         }
     }
@@ -94,7 +108,8 @@ impl Open {
             false => 0.0,
         });
         let radiance: f64 = arriving.iter().sum();
-        let light = arriving.iter().zip(self.factor.to_array()).map(|(arriving, f)| arriving * f64::from(f)).sum();
+        let light: f64 = arriving.iter().zip(self.factor.to_array()).map(|(arriving, f)| arriving * f64::from(f)).sum();
+        let sampled: f64 = self.sampled.saturated().to_array().into_iter().map(f64::from).sum();
         let record = GuidingRecord {
             position: self.position.as_vec3().to_array(),
             radiance: (!self.is_delta).then(|| RadianceSample {
@@ -103,11 +118,12 @@ impl Open {
                 inverse_distance: self.inverse_distance.filter(|i| i.is_finite()).unwrap_or(0.0) as f32,
             }),
             light,
+            leaving: light + sampled,
             pdf_scattering: self.pdf_scattering,
             pdf_guide: self.pdf_guide,
             pdf: self.pdf,
         };
-        let numbers = [radiance / self.pdf, record.light * record.light, record.pdf];
+        let numbers = [radiance / self.pdf, record.light * record.light, record.leaving, record.pdf];
         numbers.iter().all(|n| n.is_finite() && *n < f64::from(f32::MAX)).then_some(record)
     }
 }
@@ -136,8 +152,17 @@ impl Probe for GuidingRecorder {
                 self.add(throughput * color * share, usize::MAX);
                 self.throughput *= 1.0 - share;
             }
-            PathEvent::Sampled(sample) => self.sampled = (throughput * sample.light(), self.open.len()),
-            PathEvent::Visible(visible) => self.add(self.sampled.0 * visible, self.sampled.1),
+            PathEvent::Sampled(sample) => {
+                let leaving = sample.light();
+                self.sampled = Sampled { leaving, arriving: throughput * leaving, place: self.open.len() };
+            }
+            PathEvent::Visible(visible) => {
+                let Sampled { leaving, arriving, place } = self.sampled;
+                self.add(arriving * visible, place);
+                if let Some(open) = self.open.get_mut(place) {
+                    open.sampled += leaving * visible;
+                }
+            }
             PathEvent::Scattered { sample, guiding } => {
                 self.throughput = (throughput * sample.f * (1.0 / sample.pdf) as f32).saturated();
                 if let Some(position) = self.position.filter(|_| self.open.len() < MOST_VERTICES) {
@@ -154,6 +179,7 @@ impl Probe for GuidingRecorder {
                         throughput: self.throughput,
                         factor: sample.f * (1.0 / sample.pdf) as f32,
                         found: Rgb::BLACK,
+                        sampled: Rgb::BLACK,
                     });
                 }
             }
