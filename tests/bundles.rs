@@ -7,7 +7,7 @@ use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
-use canaletto::scene::{Content, Node, PathSettings, SamplerKind, Sampling, Scene};
+use canaletto::scene::{Content, Node, Guiding, PathSettings, SamplerKind, Sampling, Scene};
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
 };
@@ -266,25 +266,27 @@ fn rays_are_counted_alike_alone_and_together() {
     }
 }
 
-/// Diffuse vertices are shaded eight side by side in a picture, and one by one in an explanation.
+/// Diffuse vertices and those of rough metals are shaded eight side by side in a picture, and one by one in an
+/// explanation.
 #[test]
-fn diffuse_paths_are_alike_alone_and_together() {
+fn opaque_paths_are_alike_alone_and_together() {
     let assets = FolderAssets::new(root().join("tests/scenes")).unwrap();
-    let scene = read_scene("diffuse-paths.kdl", &assets).unwrap().0;
+    let scene = read_scene("opaque-paths.kdl", &assets).unwrap().0;
     let world = World::build(scene.clone()).unwrap();
-    let all = (0, true);
+    let all = (0, true, Guiding::Off);
     let settings = [
         (SamplerKind::Sobol, all),
         (SamplerKind::BlueNoise, all),
         (SamplerKind::Jittered, all),
         (SamplerKind::Independent, all),
-        (SamplerKind::Sobol, (5, false)),
-        (SamplerKind::Sobol, (2, true)),
+        (SamplerKind::Sobol, (5, false, Guiding::Off)),
+        (SamplerKind::Sobol, (2, true, Guiding::Off)),
+        (SamplerKind::Sobol, (0, true, Guiding::On)),
     ];
-    for (sampler, (max_depth, roulette)) in settings {
+    for (sampler, (max_depth, roulette, guiding)) in settings {
         let mut job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
         (job.film.sampling, job.film.sampler) = (Sampling::Sampled(2), sampler);
-        job.integrator = PathSettings { max_depth, roulette, ..PathSettings::DEFAULT }.into();
+        job.integrator = PathSettings { max_depth, roulette, guiding }.into();
         let pictures = InstructionSet::available().iter().map(|set| {
             set.limit();
             render(&world, &job, &()).unwrap().picture
@@ -296,7 +298,7 @@ fn diffuse_paths_are_alike_alone_and_together() {
             let alone = explainer.paths(x, y).unwrap().color.to_array().map(f32::to_bits);
             for picture in &pictures {
                 let together = picture.pixel(x, y).to_array().map(f32::to_bits);
-                assert_eq!(alone, together, "{sampler:?}, depth {max_depth}, pixel {x} {y}");
+                assert_eq!(alone, together, "{sampler:?}, depth {max_depth}, {guiding:?}, pixel {x} {y}");
             }
         }
     }

@@ -155,17 +155,17 @@ impl PreparedRay {
     }
 }
 
-/// The larger number, in one instruction, unlike `f32::max`, so that loops are vectorised. If one is NaN, the second
+/// The larger number of one of the two float types, in one instruction, unlike `f32::max`, so that loops are vectorised. If one is NaN, the second
 /// is returned.
 #[inline(always)]
-pub fn max(a: f32, b: f32) -> f32 {
+pub fn max<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
-/// The smaller number, in one instruction, unlike `f32::min`, so that loops are vectorised. If one is NaN, the second
+/// The smaller number of one of the two float types, in one instruction, unlike `f32::min`, so that loops are vectorised. If one is NaN, the second
 /// is returned.
 #[inline(always)]
-pub fn min(a: f32, b: f32) -> f32 {
+pub fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 

@@ -3,6 +3,9 @@
 //! Directions are unit vectors that point away from the surface. An integrator adds light along `wi` to the light that
 //! leaves along `wo`. Overlay and coverage of a [`MaterialPoint`](super::MaterialPoint) are not part of it.
 
+use super::conductor::SeenConductor;
+use super::dielectric::SeenDielectric;
+use super::standard::SeenStandard;
 use super::{ConductorBsdf, DielectricBsdf, DiffuseBsdf, PhongBsdf, StandardBsdf};
 use crate::math::Rgb;
 use glam::{DMat3, DVec3};
@@ -46,6 +49,19 @@ impl ScatteringFrame {
         ScatteringFrame { normal, facing: normal, tangent: DVec3::ZERO, outside: true, eta_ratio }
     }
 
+    /// The axes of microfacets that are alike in all directions, for these normals.
+    #[inline(always)]
+    pub(crate) fn isotropic_facet_axes(normal: DVec3, facing: DVec3, wo: DVec3) -> DMat3 {
+        let is_seen = wo.dot(normal) > 0.0;
+        let z = DVec3 {
+            x: if is_seen { normal.x } else { facing.x },
+            y: if is_seen { normal.y } else { facing.y },
+            z: if is_seen { normal.z } else { facing.z },
+        };
+        let x = z.any_orthonormal_vector();
+        DMat3::from_cols(x, z.cross(x), z)
+    }
+
     /// The normal around which microfacets are distributed. It is on the side of `wo`.
     pub(super) fn facet_normal(&self, wo: DVec3) -> DVec3 {
         if wo.dot(self.normal) > 0.0 { self.normal } else { self.facing }
@@ -53,6 +69,9 @@ impl ScatteringFrame {
 
     /// The axes of the microfacets as columns; z is their normal.
     pub(super) fn facet_axes(&self, wo: DVec3) -> DMat3 {
+        if self.tangent == DVec3::ZERO {
+            return ScatteringFrame::isotropic_facet_axes(self.normal, self.facing, wo);
+        }
         let z = self.facet_normal(wo);
         let x = self.tangent.reject_from_normalized(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
         DMat3::from_cols(x, z.cross(x), z)
@@ -95,37 +114,29 @@ impl Bsdf {
     ///
     /// The cosine is included, as in Mitsuba, since the f of Phong's highlight is unbounded where cos θ vanishes.
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        match self {
-            Bsdf::Diffuse(diffuse) => diffuse.eval(wi),
-            Bsdf::Phong(phong) => phong.eval(wo, wi),
-            Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
-            Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
-            Bsdf::Standard(standard) => standard.eval(wo, wi),
-        }
+        self.seen_from(wo).eval(wi)
     }
 
     /// A random direction: `u_lobe` of [0, 1) chooses the lobe, and `u` of the unit square the direction within it.
     /// None if the surface scatters nothing.
     pub fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        match self {
-            Bsdf::Diffuse(diffuse) => diffuse.sample(u),
-            Bsdf::Phong(phong) => phong.sample(wo, u_lobe, u),
-            Bsdf::Conductor(conductor) => conductor.sample(wo, u),
-            Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u_lobe, u),
-            Bsdf::Standard(standard) => standard.sample(wo, u_lobe, u),
-        }
+        self.seen_from(wo).sample(u_lobe, u)
     }
 
     /// The density per unit of solid angle with which [`Bsdf::sample`] returns `wi`, without delta lobes. Its integral
     /// over the whole sphere is 1 less the probability of delta lobes.
     pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        match self {
-            Bsdf::Diffuse(diffuse) if diffuse.kd.is_black() => 0.0,
-            Bsdf::Diffuse(diffuse) => diffuse.pdf(wi),
-            Bsdf::Phong(phong) => phong.pdf(wo, wi),
-            Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
-            Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
-            Bsdf::Standard(standard) => standard.pdf(wo, wi),
+        self.seen_from(wo).pdf(wi)
+    }
+
+    /// The scattering as it is seen from `wo`.
+    pub(crate) fn seen_from(&self, wo: DVec3) -> SeenBsdf {
+        match *self {
+            Bsdf::Diffuse(diffuse) => SeenBsdf::Diffuse(diffuse),
+            Bsdf::Phong(phong) => SeenBsdf::Phong(phong, wo),
+            Bsdf::Conductor(conductor) => SeenBsdf::Conductor(SeenConductor::new(conductor, wo)),
+            Bsdf::Dielectric(dielectric) => SeenBsdf::Dielectric(SeenDielectric::new(dielectric, wo)),
+            Bsdf::Standard(standard) => SeenBsdf::Standard(SeenStandard::new(standard, wo)),
         }
     }
 
@@ -137,6 +148,51 @@ impl Bsdf {
             Bsdf::Conductor(conductor) => conductor.is_delta(),
             Bsdf::Dielectric(dielectric) => dielectric.is_delta(),
             Bsdf::Standard(standard) => standard.is_delta(),
+        }
+    }
+}
+
+/// The scattering at a point as it is seen from one direction. What depends on that direction alone is computed once.
+pub(crate) enum SeenBsdf {
+    Diffuse(DiffuseBsdf),
+    Phong(PhongBsdf, DVec3),
+    Conductor(SeenConductor),
+    Dielectric(SeenDielectric),
+    Standard(SeenStandard),
+}
+
+impl SeenBsdf {
+    /// [`Bsdf::eval`].
+    pub(crate) fn eval(&self, wi: DVec3) -> Rgb {
+        match self {
+            SeenBsdf::Diffuse(diffuse) => diffuse.eval(wi),
+            SeenBsdf::Phong(phong, wo) => phong.eval(*wo, wi),
+            SeenBsdf::Conductor(conductor) => conductor.eval(wi),
+            SeenBsdf::Dielectric(dielectric) => dielectric.eval(wi),
+            SeenBsdf::Standard(standard) => standard.eval(wi),
+        }
+    }
+
+    /// [`Bsdf::sample`].
+    pub(crate) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        match self {
+            SeenBsdf::Diffuse(diffuse) => diffuse.sample(u),
+            SeenBsdf::Phong(phong, wo) => phong.sample(*wo, u_lobe, u),
+            SeenBsdf::Conductor(conductor) => conductor.sample(u),
+            SeenBsdf::Dielectric(dielectric) => dielectric.sample(u_lobe, u),
+            SeenBsdf::Standard(standard) => standard.sample(u_lobe, u),
+        }
+    }
+
+    /// [`Bsdf::pdf`].
+    pub(crate) fn pdf(&self, wi: DVec3) -> f64 {
+        match self {
+            SeenBsdf::Diffuse(diffuse) if diffuse.kd.is_black() => 0.0,
+            SeenBsdf::Diffuse(diffuse) => diffuse.pdf(wi),
+            SeenBsdf::Phong(phong, wo) => phong.pdf(*wo, wi),
+            SeenBsdf::Conductor(conductor) => conductor.pdf(wi),
+            SeenBsdf::Dielectric(dielectric) => dielectric.pdf(wi),
+            SeenBsdf::Standard(standard) => standard.pdf(wi),
         }
     }
 }

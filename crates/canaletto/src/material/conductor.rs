@@ -5,11 +5,11 @@
 //! is not reciprocal.
 
 use super::conductor_albedo::conductor_albedo;
-use super::ggx::Ggx;
+use super::ggx::{Ggx, Masking, on_circle};
 use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
 use crate::math::Rgb;
-use glam::DVec3;
+use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// A metal.
@@ -81,76 +81,159 @@ impl Conductor {
     }
 }
 
+/// The numbers of a metal at a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ConductorPoint {
+    pub(crate) eta: Rgb,
+    pub(crate) k: Rgb,
+    /// What it mirrors at right angles.
+    f0: Rgb,
+    /// The width of the facets, 0 for a polished metal.
+    pub(crate) alpha: f64,
+    microfacets: MicrofacetOptions,
+}
+
+impl ConductorPoint {
+    pub(crate) fn new(conductor: &Conductor) -> ConductorPoint {
+        let Conductor { eta, k, microfacets, phong } = *conductor;
+        let roughness = f64::from(phong.roughness);
+        ConductorPoint { eta, k, f0: fresnel_conductor(1.0, eta, k), alpha: roughness * roughness, microfacets }
+    }
+
+    /// Whether it scatters to all sides, by facets whose masking is the usual one.
+    pub(crate) fn is_rough_and_correlated(&self) -> bool {
+        self.alpha > 0.0 && self.microfacets.masking == Masking::HeightCorrelated
+    }
+
+    /// The factor of what one scattering reflects towards the cosine `cos`, with what facets reflect to each other.
+    pub(crate) fn returned(&self, cos: f64) -> Rgb {
+        if !self.microfacets.multiple_scattering {
+            return Rgb::WHITE;
+        }
+        let albedo = conductor_albedo(cos, self.alpha, self.microfacets.masking) as f32;
+        let lost = (1.0 - albedo) / albedo;
+        Rgb::WHITE + self.f0 * lost
+    }
+}
+
 /// A metal at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
-    eta: Rgb,
-    k: Rgb,
-    alpha: f64,
-    microfacets: MicrofacetOptions,
+    point: ConductorPoint,
     frame: ScatteringFrame,
 }
 
 impl ConductorBsdf {
     pub(super) fn new(conductor: &Conductor, frame: ScatteringFrame) -> ConductorBsdf {
-        let Conductor { eta, k, microfacets, phong } = conductor;
-        let roughness = f64::from(phong.roughness);
-        ConductorBsdf { eta: *eta, k: *k, alpha: roughness * roughness, microfacets: *microfacets, frame }
+        ConductorBsdf { point: ConductorPoint::new(conductor), frame }
     }
 
     pub(super) fn is_delta(&self) -> bool {
-        self.alpha == 0.0
+        self.point.alpha == 0.0
     }
 
-    fn ggx(&self) -> Ggx {
-        Ggx::isotropic(self.alpha, self.microfacets.masking)
-    }
-
-    pub(super) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        if self.is_delta() || wi.dot(self.frame.facing) <= 0.0 {
-            return Rgb::BLACK;
-        }
-        let axes = self.frame.facet_axes(wo).transpose();
-        let (wo, wi) = (axes * wo, axes * wi);
-        let Some(m) = (wo + wi).try_normalize().filter(|_| wi.z > 0.0) else { return Rgb::BLACK };
-        let ggx = self.ggx();
-        // F D G₂ / (4 wo·n)
-        let facets = ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
-        let f = fresnel_conductor(wo.dot(m), self.eta, self.k) * facets as f32;
-        if !self.microfacets.multiple_scattering {
-            return f;
-        }
-        let albedo = conductor_albedo(wo.z, self.alpha, self.microfacets.masking) as f32;
-        let lost = (1.0 - albedo) / albedo;
-        f * (Rgb::WHITE + fresnel_conductor(1.0, self.eta, self.k) * lost)
-    }
-
-    pub(super) fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        if self.is_delta() {
-            return 0.0;
-        }
-        let axes = self.frame.facet_axes(wo).transpose();
-        let (wo, wi) = (axes * wo, axes * wi);
-        if wi.z <= 0.0 {
-            return 0.0;
-        }
-        (wo + wi).try_normalize().map_or(0.0, |m| self.ggx().mirrored_pdf(wo, m))
-    }
-
-    pub(super) fn sample(&self, wo: DVec3, u: [f64; 2]) -> Option<BsdfSample> {
-        let lobe = Lobe::Mirror;
-        if self.is_delta() {
-            let normal = self.frame.facet_normal(wo);
-            let mirrored = reflect(wo, normal);
-            let wi = if mirrored.dot(self.frame.facing) > 0.0 { mirrored } else { reflect(wo, self.frame.facing) };
-            let f = fresnel_conductor(wo.dot(normal), self.eta, self.k);
-            return Some(BsdfSample { wi, f, pdf: 1.0, lobe, is_delta: true });
-        }
-        let axes = self.frame.facet_axes(wo);
+    /// The facets as they are seen from `wo`. The metal must be rough.
+    fn facets(&self, wo: DVec3) -> MetalFacets {
+        let ConductorBsdf { point, frame } = self;
+        let axes = frame.facet_axes(wo);
         let local = axes.transpose() * wo;
-        let wi = (axes * reflect(local, self.ggx().sample_mirroring(local, u))).normalize();
-        let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wo, wi), pdf, lobe, is_delta: false })
+        MetalFacets {
+            eta: point.eta,
+            k: point.k,
+            ggx: Ggx::isotropic(point.alpha, point.microfacets.masking),
+            facing: frame.facing,
+            axes,
+            wo: local,
+            returned: point.returned(local.z),
+        }
+    }
+}
+
+/// A metal at a point, as it is seen from one direction.
+pub(crate) struct SeenConductor {
+    bsdf: ConductorBsdf,
+    wo: DVec3,
+    /// The facets of a rough metal.
+    facets: Option<MetalFacets>,
+}
+
+/// The facets of a rough metal as they are seen from one direction. Path tracing evaluates eight of them side by side by
+/// the same functions.
+pub(crate) struct MetalFacets {
+    pub(crate) eta: Rgb,
+    pub(crate) k: Rgb,
+    pub(crate) ggx: Ggx,
+    /// The geometric normal on the viewer's side.
+    pub(crate) facing: DVec3,
+    /// The axes of the facets as columns, and the viewer's direction in them.
+    pub(crate) axes: DMat3,
+    pub(crate) wo: DVec3,
+    /// The factor of what one scattering reflects.
+    pub(crate) returned: Rgb,
+}
+
+impl MetalFacets {
+    /// The unit direction in the frame of the facets, and the facet that mirrors it. The facet is 0 where there is none.
+    #[inline(always)]
+    fn local(&self, wi: DVec3) -> (DVec3, DVec3) {
+        let wi = self.axes.transpose() * wi;
+        let half = self.wo + wi;
+        let shrink = half.length_recip();
+        let is_facet = (shrink > 0.0) & (shrink < f64::INFINITY);
+        (wi, half * if is_facet { shrink } else { 0.0 })
+    }
+
+    #[inline(always)]
+    pub(crate) fn eval(&self, wi: DVec3) -> Rgb {
+        let is_above = wi.dot(self.facing) > 0.0;
+        let (wi, m) = self.local(wi);
+        // F D G₂ / (4 wo·n)
+        let facets = self.ggx.d(m) * self.ggx.g2(self.wo, wi) / (4.0 * self.wo.z);
+        let is_lit = is_above & (wi.z > 0.0) & (m.z > 0.0);
+        let f = fresnel_conductor(self.wo.dot(m), self.eta, self.k) * facets as f32 * self.returned;
+        Rgb { r: if is_lit { f.r } else { 0.0 }, g: if is_lit { f.g } else { 0.0 }, b: if is_lit { f.b } else { 0.0 } }
+    }
+
+    #[inline(always)]
+    pub(crate) fn pdf(&self, wi: DVec3) -> f64 {
+        let (wi, m) = self.local(wi);
+        let pdf = self.ggx.mirrored_pdf(self.wo, m);
+        if (wi.z > 0.0) & (m.z > 0.0) { pdf } else { 0.0 }
+    }
+
+    /// The unit direction of a facet of the cap: at this point of the circle around its axis, and below `u` of its area.
+    #[inline(always)]
+    pub(crate) fn direction(&self, circle: DVec2, u: f64) -> DVec3 {
+        (self.axes * reflect(self.wo, self.ggx.mirroring_at(self.wo, circle, u))).normalize()
+    }
+}
+
+impl SeenConductor {
+    pub(super) fn new(bsdf: ConductorBsdf, wo: DVec3) -> SeenConductor {
+        SeenConductor { bsdf, wo, facets: (!bsdf.is_delta()).then(|| bsdf.facets(wo)) }
+    }
+
+    pub(super) fn eval(&self, wi: DVec3) -> Rgb {
+        self.facets.as_ref().map_or(Rgb::BLACK, |facets| facets.eval(wi))
+    }
+
+    pub(super) fn pdf(&self, wi: DVec3) -> f64 {
+        self.facets.as_ref().map_or(0.0, |facets| facets.pdf(wi))
+    }
+
+    pub(super) fn sample(&self, u: [f64; 2]) -> Option<BsdfSample> {
+        let lobe = Lobe::Mirror;
+        let SeenConductor { bsdf: ConductorBsdf { point, frame }, wo, facets } = self;
+        let Some(facets) = facets else {
+            let normal = frame.facet_normal(*wo);
+            let mirrored = reflect(*wo, normal);
+            let wi = if mirrored.dot(frame.facing) > 0.0 { mirrored } else { reflect(*wo, frame.facing) };
+            let f = fresnel_conductor(wo.dot(normal), point.eta, point.k);
+            return Some(BsdfSample { wi, f, pdf: 1.0, lobe, is_delta: true });
+        };
+        let wi = facets.direction(on_circle(u[0]), u[1]);
+        let pdf = facets.pdf(wi);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: facets.eval(wi), pdf, lobe, is_delta: false })
     }
 }
 

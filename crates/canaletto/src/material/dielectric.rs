@@ -2,12 +2,12 @@
 //! microfacets (Walter et al. 2007). Light that goes from facet to facet is given back on both sides, so that a rough
 //! boundary loses nothing, either. The whole is reciprocal.
 
-use super::dielectric_albedo::DielectricAlbedo;
+use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::Ggx;
 use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_dielectric, reflect, refract};
 use crate::OutOfRange;
 use crate::math::{Rgb, warp};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_PI;
 
@@ -76,94 +76,9 @@ impl DielectricBsdf {
         ((local.z > 0.0) == above).then_some(above)
     }
 
-    /// The density of `wi` over all facets that the viewer sees, each of which mirrors or refracts by Fresnel's share.
-    /// The directions are in the frame of the facets.
-    fn facet_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let (ggx, ratio, above) = (self.ggx(), self.frame.eta_ratio, wi.z > 0.0);
-        let m = if above { wo + wi } else { wo * ratio + wi };
-        let Some(m) = m.try_normalize() else { return 0.0 };
-        let m = if m.z < 0.0 { -m } else { m };
-        let (o, i) = (wo.dot(m), wi.dot(m));
-        if o <= 0.0 || (i > 0.0) != above {
-            return 0.0;
-        }
-        let (mirrored, visible) = (fresnel_dielectric(o, ratio), ggx.visible_pdf(wo, m));
-        if above {
-            mirrored * visible / (4.0 * o)
-        } else {
-            // Walter (17): dω_m / dω_i
-            (1.0 - mirrored) * visible * -i / ((ratio * o + i) * (ratio * o + i))
-        }
-    }
-
-    pub(super) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        if self.is_delta() {
-            return Rgb::BLACK;
-        }
-        let axes = self.frame.facet_axes(wo).transpose();
-        let (o, i) = (axes * wo, axes * wi);
-        let Some(above) = self.is_above(wi, i) else { return Rgb::BLACK };
-        let mut f = self.facet_pdf(o, i) * self.ggx().shadowing(o, i);
-        if let Some(albedo) = self.albedo() {
-            let back = albedo.given_back();
-            let (share, loss) =
-                if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
-            f += albedo.lost(o.z, true) * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI;
-        }
-        Rgb::gray((f * self.radiance_scale(above)) as f32)
-    }
-
     /// Radiance is squeezed with the solid angle where light enters a denser medium: (ηₒ/ηᵢ)².
     fn radiance_scale(&self, above: bool) -> f64 {
         if above { 1.0 } else { self.frame.eta_ratio * self.frame.eta_ratio }
-    }
-
-    pub(super) fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        if self.is_delta() {
-            return 0.0;
-        }
-        let axes = self.frame.facet_axes(wo).transpose();
-        let (o, i) = (axes * wo, axes * wi);
-        let Some(above) = self.is_above(wi, i) else { return 0.0 };
-        let single = self.facet_pdf(o, i);
-        let Some(albedo) = self.albedo() else { return single };
-        let (lost, mirrored) = (albedo.lost(o.z, true), albedo.given_back().mirrored);
-        let share = if above { mirrored } else { 1.0 - mirrored };
-        single * (1.0 - lost) + lost * share * i.z.abs() * FRAC_1_PI
-    }
-
-    pub(super) fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let ratio = self.frame.eta_ratio;
-        if self.is_index_matched() {
-            return Some(BsdfSample { wi: -wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
-        }
-        if self.is_delta() {
-            return self.smooth(wo, u_lobe);
-        }
-        let axes = self.frame.facet_axes(wo);
-        let o = axes.transpose() * wo;
-        // The lobe of lost light, or a facet.
-        let (mut lost, mut lost_mirrored) = (0.0, 0.0);
-        if let Some(albedo) = self.albedo() {
-            lost = albedo.lost(o.z, true);
-            lost_mirrored = lost * albedo.given_back().mirrored;
-        }
-        let (is_mirrored, i) = if u_lobe < lost {
-            let is_mirrored = u_lobe < lost_mirrored;
-            let i = warp::cosine_hemisphere(u);
-            (is_mirrored, if is_mirrored { i } else { -i })
-        } else {
-            let m = self.ggx().sample_visible(o, u);
-            let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
-            (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
-        };
-        let wi = (axes * i).normalize();
-        if (wi.dot(self.frame.facing) > 0.0) != is_mirrored {
-            return None;
-        }
-        let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
-        let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wo, wi), pdf, lobe, is_delta: false })
     }
 
     /// The direction mirrored or refracted by a smooth boundary.
@@ -178,6 +93,129 @@ impl DielectricBsdf {
         let wi = if stays { wi } else { bent(facing).unwrap_or(-facing) };
         let f = Rgb::gray((pdf * self.radiance_scale(wi.dot(facing) > 0.0)) as f32);
         Some(BsdfSample { wi, f, pdf, lobe, is_delta: true })
+    }
+}
+
+/// The boundary of a clear body at a point, as it is seen from one direction.
+pub(crate) struct SeenDielectric {
+    bsdf: DielectricBsdf,
+    wo: DVec3,
+    /// The facets of a rough boundary.
+    facets: Option<BoundaryFacets>,
+}
+
+/// The facets of a rough boundary as they are seen from one direction.
+struct BoundaryFacets {
+    ggx: Ggx,
+    eta_ratio: f64,
+    /// The axes of the facets as columns, and the viewer's direction in them.
+    axes: DMat3,
+    wo: DVec3,
+    /// What facets lose, if it is given back.
+    lost: Option<LostLight>,
+}
+
+/// The light that one scattering loses, and how it is given back.
+struct LostLight {
+    albedo: DielectricAlbedo,
+    /// What is lost from the viewer's direction.
+    lost: f64,
+    back: GivenBack,
+}
+
+impl BoundaryFacets {
+    /// The density of `wi` over all facets that the viewer sees, each of which mirrors or refracts by Fresnel's share.
+    /// The direction is in the frame of the facets.
+    fn pdf(&self, wi: DVec3) -> f64 {
+        let (wo, ratio, above) = (self.wo, self.eta_ratio, wi.z > 0.0);
+        let m = if above { wo + wi } else { wo * ratio + wi };
+        let Some(m) = m.try_normalize() else { return 0.0 };
+        let m = if m.z < 0.0 { -m } else { m };
+        let (o, i) = (wo.dot(m), wi.dot(m));
+        if o <= 0.0 || (i > 0.0) != above {
+            return 0.0;
+        }
+        let (mirrored, visible) = (fresnel_dielectric(o, ratio), self.ggx.visible_pdf(wo, m));
+        if above {
+            mirrored * visible / (4.0 * o)
+        } else {
+            // Walter (17): dω_m / dω_i
+            (1.0 - mirrored) * visible * -i / ((ratio * o + i) * (ratio * o + i))
+        }
+    }
+}
+
+impl SeenDielectric {
+    pub(super) fn new(bsdf: DielectricBsdf, wo: DVec3) -> SeenDielectric {
+        let facets = (!bsdf.is_delta()).then(|| {
+            let axes = bsdf.frame.facet_axes(wo);
+            let local = axes.transpose() * wo;
+            let lost = bsdf.albedo().map(|albedo| LostLight {
+                albedo,
+                lost: albedo.lost(local.z, true),
+                back: albedo.given_back(),
+            });
+            BoundaryFacets { ggx: bsdf.ggx(), eta_ratio: bsdf.frame.eta_ratio, axes, wo: local, lost }
+        });
+        SeenDielectric { bsdf, wo, facets }
+    }
+
+    /// Whether both sides have one η, so that nothing is mirrored or bent.
+    pub(crate) fn is_index_matched(&self) -> bool {
+        self.bsdf.is_index_matched()
+    }
+
+    pub(super) fn eval(&self, wi: DVec3) -> Rgb {
+        let Some(facets) = &self.facets else { return Rgb::BLACK };
+        let i = facets.axes.transpose() * wi;
+        let Some(above) = self.bsdf.is_above(wi, i) else { return Rgb::BLACK };
+        let mut f = facets.pdf(i) * facets.ggx.shadowing(facets.wo, i);
+        if let Some(LostLight { albedo, lost, back }) = &facets.lost {
+            let (share, loss) =
+                if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
+            f += lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI;
+        }
+        Rgb::gray((f * self.bsdf.radiance_scale(above)) as f32)
+    }
+
+    pub(super) fn pdf(&self, wi: DVec3) -> f64 {
+        let Some(facets) = &self.facets else { return 0.0 };
+        let i = facets.axes.transpose() * wi;
+        let Some(above) = self.bsdf.is_above(wi, i) else { return 0.0 };
+        let single = facets.pdf(i);
+        let Some(LostLight { lost, back, .. }) = &facets.lost else { return single };
+        let share = if above { back.mirrored } else { 1.0 - back.mirrored };
+        single * (1.0 - lost) + lost * share * i.z.abs() * FRAC_1_PI
+    }
+
+    pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        let (wo, ratio) = (self.wo, self.bsdf.frame.eta_ratio);
+        if self.is_index_matched() {
+            return Some(BsdfSample { wi: -wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
+        }
+        let Some(facets) = &self.facets else { return self.bsdf.smooth(wo, u_lobe) };
+        let o = facets.wo;
+        // The lobe of lost light, or a facet.
+        let (mut lost, mut lost_mirrored) = (0.0, 0.0);
+        if let Some(light) = &facets.lost {
+            (lost, lost_mirrored) = (light.lost, light.lost * light.back.mirrored);
+        }
+        let (is_mirrored, i) = if u_lobe < lost {
+            let is_mirrored = u_lobe < lost_mirrored;
+            let i = warp::cosine_hemisphere(u);
+            (is_mirrored, if is_mirrored { i } else { -i })
+        } else {
+            let m = facets.ggx.sample_visible(o, u);
+            let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
+            (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
+        };
+        let wi = (facets.axes * i).normalize();
+        if (wi.dot(self.bsdf.frame.facing) > 0.0) != is_mirrored {
+            return None;
+        }
+        let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
+        let pdf = self.pdf(wi);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Fresnel's equations for unpolarised light: the share of light that a smooth boundary mirrors.
 
-use crate::math::Rgb;
+use crate::math::{Rgb, larger, smaller};
 
 /// The share that the boundary of two clear media mirrors. `cos` ≥ 0 is the cosine of the angle of incidence, and
 /// `eta_ratio` is ηᵢ/ηₜ. It is 1 beyond the critical angle.
@@ -16,21 +16,25 @@ pub fn fresnel_dielectric(cos: f64, eta_ratio: f64) -> f64 {
 }
 
 /// The share that a metal with the complex index η + ik mirrors in air.
+#[inline(always)]
 pub fn fresnel_conductor(cos: f64, eta: Rgb, k: Rgb) -> Rgb {
-    let [eta, k] = [eta, k].map(|v| v.to_array().map(f64::from));
-    Rgb::from([0, 1, 2].map(|c: usize| conductor(cos.clamp(0.0, 1.0), eta[c], k[c]) as f32))
+    let cos = smaller(larger(cos, 0.0), 1.0);
+    let (r, g, b) = (conductor(cos, eta.r, k.r), conductor(cos, eta.g, k.g), conductor(cos, eta.b, k.b));
+    Rgb { r, g, b }
 }
 
 /// One component. a² + b² is the squared length of √(η² − k² − sin² θ + 2iηk).
-fn conductor(cos: f64, eta: f64, k: f64) -> f64 {
+#[inline(always)]
+fn conductor(cos: f64, eta: f32, k: f32) -> f32 {
+    let (eta, k) = (f64::from(eta), f64::from(k));
     let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
     let real = eta * eta - k * k - sin2;
     let length = (real * real + 4.0 * eta * eta * k * k).sqrt();
-    let a = (0.5 * (length + real)).max(0.0).sqrt();
+    let a = larger(0.5 * (length + real), 0.0).sqrt();
     let perpendicular = (length + cos2 - 2.0 * a * cos) / (length + cos2 + 2.0 * a * cos);
     let (t1, t2) = (cos2 * length + sin2 * sin2, 2.0 * a * cos * sin2);
     let parallel = perpendicular * (t1 - t2) / (t1 + t2);
-    0.5 * (perpendicular + parallel)
+    (0.5 * (perpendicular + parallel)) as f32
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //!
 //! All directions are in the frame of the surface, where z is the normal and the viewer is above it.
 
+use crate::math::{larger, smaller};
 use crate::named;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -47,7 +48,7 @@ impl Default for MicrofacetOptions {
 
 /// The distribution of microfacets on a rough surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Ggx {
+pub(crate) struct Ggx {
     /// The widths αx and αy > 0 along the two axes of the surface.
     pub(super) alpha: [f64; 2],
     pub(super) masking: Masking,
@@ -55,38 +56,42 @@ pub(super) struct Ggx {
 
 impl Ggx {
     /// The distribution of width α in all directions.
-    pub(super) fn isotropic(alpha: f64, masking: Masking) -> Ggx {
+    #[inline(always)]
+    pub(crate) fn isotropic(alpha: f64, masking: Masking) -> Ggx {
         Ggx { alpha: [alpha; 2], masking }
     }
 
     /// The direction with x and y scaled by α.
+    #[inline(always)]
     fn scaled(&self, w: DVec3) -> DVec2 {
         DVec2::new(w.x * self.alpha[0], w.y * self.alpha[1])
     }
 
     /// D(m), the density of facets with the unit normal `m` per unit of solid angle and of the surface's area.
+    #[inline(always)]
     pub(super) fn d(&self, m: DVec3) -> f64 {
-        if m.z <= 0.0 {
-            return 0.0;
-        }
         let [ax, ay] = self.alpha;
         let (x, y) = (m.x / ax, m.y / ay);
         // D(m) = 1 / (π αx αy (x²/αx² + y²/αy² + z²)²)
         let spread = x * x + y * y + m.z * m.z;
-        1.0 / (PI * ax * ay * spread * spread)
+        let d = 1.0 / (PI * ax * ay * spread * spread);
+        if m.z > 0.0 { d } else { 0.0 }
     }
 
     /// Λ of Smith's masking function for a direction off the surface's plane.
+    #[inline(always)]
     pub(super) fn lambda(&self, w: DVec3) -> f64 {
         0.5 * ((1.0 + self.scaled(w).length_squared() / (w.z * w.z)).sqrt() - 1.0)
     }
 
     /// G₁(w): the share of the facets facing a direction that is seen from it.
+    #[inline(always)]
     fn g1(&self, w: DVec3) -> f64 {
         1.0 / (1.0 + self.lambda(w))
     }
 
     /// G₂ / G₁(wo): the share of the facets seen by the viewer that light along `wi` reaches. `wi` is on either side.
+    #[inline(always)]
     pub(super) fn shadowing(&self, wo: DVec3, wi: DVec3) -> f64 {
         let i = self.lambda(wi);
         match self.masking {
@@ -99,13 +104,15 @@ impl Ggx {
     }
 
     /// G₂: the share of the facets that both the viewer and the light reach.
+    #[inline(always)]
     pub(super) fn g2(&self, wo: DVec3, wi: DVec3) -> f64 {
         self.g1(wo) * self.shadowing(wo, wi)
     }
 
     /// The viewer's direction where the facets form a sphere.
+    #[inline(always)]
     pub(super) fn squeezed(&self, wo: DVec3) -> DVec3 {
-        self.scaled(wo).extend(wo.z.max(0.0)).normalize()
+        self.scaled(wo).extend(larger(wo.z, 0.0)).normalize()
     }
 
     /// The normal of the facet at `u` of the unit square that the viewer sees (Dupuy & Benyoub, *Sampling Visible GGX
@@ -125,20 +132,28 @@ impl Ggx {
     /// The facet's normal at `u` of the unit square whose mirrored direction is rarely below the surface (Eto &
     /// Tokuyoshi, *Bounded VNDF Sampling for Smith–GGX Reflections*, 2023).
     pub(super) fn sample_mirroring(&self, wo: DVec3, u: [f64; 2]) -> DVec3 {
+        self.mirroring_at(wo, on_circle(u[0]), u[1])
+    }
+
+    /// The facet's normal of [`Ggx::sample_mirroring`] at this point of the circle around the axis.
+    #[inline(always)]
+    pub(super) fn mirroring_at(&self, wo: DVec3, circle: DVec2, u: f64) -> DVec3 {
         let squeezed = self.squeezed(wo);
-        self.on_cap(squeezed, self.bound(wo) * squeezed.z, on_circle(u[0]), u[1])
+        self.on_cap(squeezed, self.bound(wo) * squeezed.z, circle, u)
     }
 
     /// The density of the directions mirrored in [`Ggx::sample_mirroring`]'s normals, for the facet `m` between `wo`
     /// and the mirrored direction.
+    #[inline(always)]
     pub(super) fn mirrored_pdf(&self, wo: DVec3, m: DVec3) -> f64 {
         let length = (wo.z * wo.z + self.scaled(wo).length_squared()).sqrt();
         self.d(m) / (2.0 * (self.bound(wo) * wo.z + length))
     }
 
     /// k of (5) of Eto & Tokuyoshi: where the cap of facets ends, as a share of the viewer's height.
+    #[inline(always)]
     fn bound(&self, wo: DVec3) -> f64 {
-        let a = self.alpha[0].min(self.alpha[1]).min(1.0);
+        let a = smaller(smaller(self.alpha[0], self.alpha[1]), 1.0);
         let s = 1.0 + wo.truncate().length();
         let (a2, s2) = (a * a, s * s);
         (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
@@ -146,15 +161,24 @@ impl Ggx {
 
     /// The facet's normal of a point of the spherical cap above −`bottom`, for a viewer at `squeezed` where the facets
     /// form a sphere. The point has the direction `circle` around the axis, and `u` of the cap's area is above it.
+    #[inline(always)]
     pub(super) fn on_cap(&self, squeezed: DVec3, bottom: f64, circle: DVec2, u: f64) -> DVec3 {
         let z = (1.0 - u) * (1.0 + bottom) - bottom;
-        let half = (circle * (1.0 - z * z).max(0.0).sqrt()).extend(z) + squeezed;
-        self.scaled(half).extend(half.z.max(0.0)).try_normalize().unwrap_or(DVec3::Z)
+        let half = (circle * larger(1.0 - z * z, 0.0).sqrt()).extend(z) + squeezed;
+        let facet = self.scaled(half).extend(larger(half.z, 0.0));
+        let shrink = facet.length_recip();
+        let is_facet = (shrink > 0.0) & (shrink < f64::INFINITY);
+        let (facet, flat) = (facet * shrink, DVec3::Z);
+        DVec3 {
+            x: if is_facet { facet.x } else { flat.x },
+            y: if is_facet { facet.y } else { flat.y },
+            z: if is_facet { facet.z } else { flat.z },
+        }
     }
 }
 
 /// The point of the unit circle after this part of a turn.
-pub(super) fn on_circle(turn: f64) -> DVec2 {
+pub(crate) fn on_circle(turn: f64) -> DVec2 {
     let (sin, cos) = libm::sincos(TAU * turn);
     DVec2::new(cos, sin)
 }

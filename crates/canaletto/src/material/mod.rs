@@ -22,12 +22,15 @@ mod refract;
 mod standard;
 mod texture_use;
 
+pub(crate) use bsdf::SeenBsdf;
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
+pub(crate) use conductor::{ConductorPoint, MetalFacets};
 pub use dielectric::{Dielectric, DielectricBsdf};
 pub use diffuse_bsdf::DiffuseBsdf;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub(crate) use ggx::{Ggx, on_circle};
 pub use ggx::{Masking, MicrofacetOptions};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use medium::{HenyeyGreenstein, Medium, MediumSample};

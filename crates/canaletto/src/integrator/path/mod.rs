@@ -10,7 +10,6 @@
 //! Lights without a surface pass clear bodies by 1 − o, as in (5.39a), since no path finds them. The light of surfaces
 //! and of the environment passes clear bodies along paths only.
 
-mod diffuse8;
 mod direct;
 mod emitter;
 #[cfg(test)]
@@ -22,6 +21,7 @@ mod light_tree;
 #[cfg(test)]
 mod material_tests;
 mod meter;
+mod opaque8;
 mod see_through;
 #[cfg(test)]
 mod see_through_tests;
@@ -39,13 +39,13 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
-use diffuse8::DiffuseMaterials;
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
 pub(crate) use guiding::{GuidingField, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
+use opaque8::OpaqueMaterials;
 use stream::PathStream;
 
 /// What the threads of path tracing share.
@@ -55,7 +55,7 @@ pub(crate) struct PreparedPath {
     has_media: bool,
     sees_through: bool,
     warnings: Vec<String>,
-    diffuse: DiffuseMaterials,
+    opaque: OpaqueMaterials,
     /// Where light comes from, if that was learnt.
     guide: Option<GuidingField>,
 }
@@ -87,7 +87,7 @@ impl PreparedPath {
             has_media,
             sees_through,
             warnings,
-            diffuse: DiffuseMaterials::new(world),
+            opaque: OpaqueMaterials::new(world),
             guide: None,
         }
     }
@@ -102,7 +102,7 @@ impl PreparedPath {
             has_media: has_media(world),
             sees_through: false,
             warnings: Vec::new(),
-            diffuse: DiffuseMaterials::new(world),
+            opaque: OpaqueMaterials::new(world),
             guide: None,
         }
     }
@@ -126,7 +126,7 @@ impl PreparedRayIntegrator for PreparedPath {
             world,
             settings: self.settings,
             lights: &self.lights,
-            diffuse: &self.diffuse,
+            opaque: &self.opaque,
             guide: self.guide.as_ref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
@@ -163,7 +163,7 @@ pub(crate) struct PathTracer<'w> {
     world: &'w World,
     settings: PathSettings,
     lights: &'w LightSampler,
-    diffuse: &'w DiffuseMaterials,
+    opaque: &'w OpaqueMaterials,
     guide: Option<&'w GuidingField>,
     /// Whether bodies absorb or scatter light.
     has_media: bool,

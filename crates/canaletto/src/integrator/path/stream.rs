@@ -3,9 +3,9 @@
 //! Each path takes the steps of [`PathTracer::path`] in that order, so its colour has equal bits.
 
 use super::PathTracer;
-use super::diffuse8::DiffuseVertices;
 use super::direct::ShadowRay;
 use super::light_sampler::Source;
+use super::opaque8::OpaqueVertices;
 use super::trace::Path;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
@@ -24,8 +24,8 @@ pub(super) struct PathStream {
     shadows: Vec<PathShadow>,
     /// The shadow rays by their sources: [`PathShadow::key`].
     shadow_order: Vec<u64>,
-    /// Diffuse vertices of which eight are shaded together.
-    diffuse: DiffuseVertices,
+    /// Vertices of which eight of one kind are shaded together.
+    opaque: OpaqueVertices,
     /// For each path whether it has ended.
     ended: Vec<bool>,
     bundle: RayBundle,
@@ -82,7 +82,7 @@ impl PathTracer<'_> {
     /// Traces all paths to their ends.
     pub(super) fn trace_stream(&mut self) {
         let mut stream = std::mem::take(&mut self.stream);
-        let PathStream { paths, colors, active, shadows, shadow_order, diffuse, ended, bundle } = &mut stream;
+        let PathStream { paths, colors, active, shadows, shadow_order, opaque, ended, bundle } = &mut stream;
         active.clear();
         active.extend(0..paths.len() as u32);
         ended.clear();
@@ -98,18 +98,18 @@ impl PathTracer<'_> {
             shadows.clear();
             for (index, &number) in active.iter().enumerate() {
                 let hit = bundle.hit(index);
-                if let Some(hit) = hit.filter(|hit| self.is_diffuse(&paths[number as usize], hit)) {
-                    if self.push_diffuse(diffuse, number, &paths[number as usize], &hit) {
-                        self.scatter_diffuse(diffuse, paths, shadows, |path| ended[path as usize] = true);
+                if let Some(hit) = &hit {
+                    let end = |path: u32| ended[path as usize] = true;
+                    if self.push_opaque(opaque, (number, hit), paths, shadows, end) {
+                        continue;
                     }
-                    continue;
                 }
                 self.set_time(paths[number as usize].time);
                 let step = self.arrive(&mut paths[number as usize], hit, &mut ());
                 shadows.extend(step.shadow.map(|(ray, throughput)| PathShadow { path: number, ray, throughput }));
                 ended[number as usize] = !step.goes_on;
             }
-            self.scatter_diffuse(diffuse, paths, shadows, |path| ended[path as usize] = true);
+            self.scatter_opaque(opaque, paths, shadows, |path: u32| ended[path as usize] = true);
             active.retain(|&number| !ended[number as usize]);
             self.trace_shadows(shadows, shadow_order, bundle, paths);
         }

@@ -12,7 +12,7 @@ use crate::integrator::media::{NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::material::{
-    Bsdf, HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, MediumSample, ScatteringFrame,
+    HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf,
 };
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
@@ -132,8 +132,8 @@ impl Path {
         &self.segment.line
     }
 
-    /// Sends it on from a diffuse surface.
-    pub(super) fn leave_diffuse(&mut self, ray: Ray, line: DRay, scattered: (Receiver, f64)) {
+    /// Sends it on from an opaque surface that scatters to all sides.
+    pub(super) fn leave_opaque(&mut self, ray: Ray, line: DRay, scattered: (Receiver, f64), lobe: Lobe) {
         self.segment = Segment {
             ray,
             line,
@@ -141,7 +141,7 @@ impl Path {
             inside: [NONE; 2],
             scattered: Some(scattered),
             passed: false,
-            kind: Kind::Scattered(Lobe::Diffuse),
+            kind: Kind::Scattered(lobe),
         };
         self.depth += 1;
     }
@@ -533,8 +533,9 @@ impl PathTracer<'_> {
         let Frame { normal, facing, outside, .. } = frame;
         let bsdf = described.bsdf(&material, ScatteringFrame { normal, facing, tangent, outside, eta_ratio });
         let opaque = crossing.is_none().then_some(frame.normal);
-        let guide = self.guide.filter(|_| !bsdf.is_delta()).and_then(|field| field.at(frame.exact, opaque));
-        SurfaceVertex { hit: met, frame, bsdf, guide, crossing }
+        let is_delta = bsdf.is_delta();
+        let guide = self.guide.filter(|_| !is_delta).and_then(|field| field.at(frame.exact, opaque));
+        SurfaceVertex { hit: met, frame, bsdf: bsdf.seen_from(frame.wo), is_delta, guide, crossing }
     }
 
     /// The bodies that a ray is in after it leaves a vertex, and the coinciding surface there. None if it goes into a
@@ -547,7 +548,7 @@ impl PathTracer<'_> {
             }
         };
         if wi.dot(frame.facing) < 0.0 {
-            let is_thin = matches!(bsdf, Bsdf::Standard(standard) if standard.is_thin_walled());
+            let is_thin = matches!(bsdf, SeenBsdf::Standard(standard) if standard.bsdf.is_thin_walled());
             let beyond = crossing.map(|crossing| [crossing.beyond, crossing.next]);
             return beyond.or_else(|| is_thin.then_some([met.inside, NONE]));
         }

@@ -5,7 +5,7 @@ use super::guiding::{GuidedVertex, pdf_of_both};
 use super::light_tree::Receiver;
 use crate::integrator::media::Crossing;
 use crate::integrator::visible_hit::{Frame, VisibleHit};
-use crate::material::{Bsdf, BsdfSample, HenyeyGreenstein, Lobe};
+use crate::material::{BsdfSample, HenyeyGreenstein, Lobe, SeenBsdf};
 use crate::math::{DRay, Rgb, offset_origin, rounding, warp};
 use canaletto_bvh::Ray;
 use glam::DVec3;
@@ -33,7 +33,9 @@ pub(super) struct MeterVertex {
 pub(super) struct SurfaceVertex<'a> {
     pub(super) hit: &'a VisibleHit,
     pub(super) frame: Frame,
-    pub(super) bsdf: Bsdf,
+    pub(super) bsdf: SeenBsdf,
+    /// Whether light is scattered to single directions only.
+    pub(super) is_delta: bool,
     /// Where light comes from, as far as that was learnt.
     pub(super) guide: Option<GuidedVertex>,
     /// What a ray into the surface crosses; none at opaque surfaces.
@@ -43,28 +45,27 @@ pub(super) struct SurfaceVertex<'a> {
 impl SurfaceVertex<'_> {
     /// Whether light passes as if no surface were there.
     pub(super) fn is_index_matched(&self) -> bool {
-        matches!(&self.bsdf, Bsdf::Dielectric(dielectric) if dielectric.is_index_matched())
+        matches!(&self.bsdf, SeenBsdf::Dielectric(dielectric) if dielectric.is_index_matched())
     }
 
     /// The density with which the path goes on along `wi`, by the guiding field and by the surface together.
     fn pdf(&self, wi: DVec3) -> f64 {
-        let own = self.bsdf.pdf(self.frame.wo, wi);
+        let own = self.bsdf.pdf(wi);
         self.guide.as_ref().map_or(own, |guide| pdf_of_both(guide.probability, guide.pdf(wi), own))
     }
 
     /// A random direction in which the path goes on, and the part of the guiding field in it.
     fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<(BsdfSample, Option<GuidedSample>)> {
-        let wo = self.frame.wo;
-        let Some(guide) = &self.guide else { return Some((self.bsdf.sample(wo, u_lobe, u)?, None)) };
+        let Some(guide) = &self.guide else { return Some((self.bsdf.sample(u_lobe, u)?, None)) };
         let probability = guide.probability;
         let is_chosen = u_lobe < probability;
         let sample = if is_chosen {
             let wi = guide.sample(u);
-            let (f, pdf) = (self.bsdf.eval(wo, wi), self.bsdf.pdf(wo, wi));
+            let (f, pdf) = (self.bsdf.eval(wi), self.bsdf.pdf(wi));
             BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false }
         } else {
             let u_lobe = ((u_lobe - probability) / (1.0 - probability)).min(1.0 - f64::EPSILON);
-            self.bsdf.sample(wo, u_lobe, u)?
+            self.bsdf.sample(u_lobe, u)?
         };
         let pdf = if sample.is_delta { 0.0 } else { guide.pdf(sample.wi) };
         let guiding = GuidedSample { is_chosen, pdf, pdf_scattering: sample.pdf };
@@ -86,7 +87,7 @@ impl Vertex<'_> {
     /// Whether light is scattered to single directions only, so that no source is sampled.
     pub(super) fn is_delta(&self) -> bool {
         match self {
-            Vertex::Surface(surface) => surface.bsdf.is_delta(),
+            Vertex::Surface(surface) => surface.is_delta,
             Vertex::Medium(_) | Vertex::Meter(_) => false,
         }
     }
@@ -116,7 +117,7 @@ impl Vertex<'_> {
     /// f |cos θ| of light along `wi`; in a medium, the phase function.
     pub(super) fn eval(&self, wi: DVec3) -> Rgb {
         match self {
-            Vertex::Surface(surface) => surface.bsdf.eval(surface.frame.wo, wi),
+            Vertex::Surface(surface) => surface.bsdf.eval(wi),
             Vertex::Medium(medium) => Rgb::gray(medium.phase.eval(medium.wo, wi) as f32),
             Vertex::Meter(_) => Rgb::gray(self.pdf(wi) as f32),
         }

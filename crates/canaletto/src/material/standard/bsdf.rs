@@ -184,24 +184,6 @@ impl StandardBsdf {
         layers.below[0] + layers.below[1] * self.absorbed(cosines)
     }
 
-    /// The directions in the frame of the facets, if both normals agree on the side of `wi`.
-    fn local(&self, axes: &DMat3, wo: DVec3, wi: DVec3) -> Option<Local> {
-        let axes = axes.transpose();
-        let local = Local { wo: axes * wo, wi: axes * wi };
-        ((local.wi.z > 0.0) == (wi.dot(self.frame.facing) > 0.0)).then_some(local)
-    }
-
-    pub(in crate::material) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        let axes = self.frame.facet_axes(wo);
-        let Some(local) = self.local(&axes, wo, wi) else { return Rgb::BLACK };
-        self.eval_local(&self.layers(local.wo), &local)
-    }
-
-    pub(in crate::material) fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let axes = self.frame.facet_axes(wo);
-        self.local(&axes, wo, wi).map_or(0.0, |local| self.pdf_local(&self.layers(local.wo), &local))
-    }
-
     fn eval_local(&self, layers: &Layers, &Local { wo, wi }: &Local) -> Rgb {
         if wi.z <= 0.0 {
             let below = self.below(layers, &[wo.z]);
@@ -288,43 +270,9 @@ impl StandardBsdf {
         self.refracting_facet(wo, wi).map_or(0.0, |(m, jacobian)| self.ggx().visible_pdf(wo, m) * jacobian)
     }
 
-    pub(in crate::material) fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let axes = self.frame.facet_axes(wo);
-        let o = axes.transpose() * wo;
-        let layers = self.layers(o);
-        let layer = layers.choose(u_lobe)?;
-        let lobe = match layer {
-            Layer::Fuzz | Layer::Diffuse | Layer::Translucent => Lobe::Diffuse,
-            Layer::Coat | Layer::Metal | Layer::Gloss => Lobe::Mirror,
-            Layer::Clear => Lobe::Refraction,
-        };
-        if self.is_delta_layer(layer) {
-            return self.smooth(wo, &axes, &layers, layer).map(|(wi, f)| {
-                let pdf = layers.probability(layer);
-                BsdfSample { wi, f, pdf, lobe, is_delta: true }
-            });
-        }
-        let i = match layer {
-            Layer::Fuzz => layers.fuzz?.sample(u),
-            Layer::Diffuse => warp::cosine_hemisphere(u),
-            Layer::Translucent => -warp::cosine_hemisphere(u),
-            Layer::Coat => reflect(o, self.coat_ggx().sample_mirroring(o, u)),
-            Layer::Metal | Layer::Gloss => reflect(o, self.ggx().sample_mirroring(o, u)),
-            Layer::Clear if self.thin_walled => {
-                reflect(o, self.ggx().sample_mirroring(o, u)) * DVec3::new(1.0, 1.0, -1.0)
-            }
-            Layer::Clear => refract(o, self.ggx().sample_visible(o, u), self.eta_ratio)?,
-        };
-        let goes_through = matches!(layer, Layer::Translucent | Layer::Clear);
-        let wi = (axes * i).normalize();
-        let local = self.local(&axes, wo, wi).filter(|local| (local.wi.z < 0.0) == goes_through)?;
-        let pdf = self.pdf_local(&layers, &local);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval_local(&layers, &local), pdf, lobe, is_delta: false })
-    }
-
     /// The direction of a lobe that has only one, with its factor.
-    fn smooth(&self, wo: DVec3, axes: &DMat3, layers: &Layers, layer: Layer) -> Option<(DVec3, Rgb)> {
-        let (normal, facing) = (axes.z_axis, self.frame.facing);
+    fn smooth(&self, wo: DVec3, normal: DVec3, layers: &Layers, layer: Layer) -> Option<(DVec3, Rgb)> {
+        let facing = self.frame.facing;
         let cos = wo.dot(normal);
         if layer == Layer::Clear {
             let factor = layers.clear_share * self.below(layers, &[cos]) * self.clear_fresnel(cos);
@@ -345,5 +293,69 @@ impl StandardBsdf {
             _ => layers.gloss_share * self.gloss_fresnel(cos) * self.below(layers, &[cos, cos]),
         };
         Some((wi, factor))
+    }
+}
+
+/// A standard surface at a point, as it is seen from one direction.
+pub(crate) struct SeenStandard {
+    pub(crate) bsdf: StandardBsdf,
+    wo: DVec3,
+    /// The axes of the facets as columns, and the viewer's direction in them.
+    axes: DMat3,
+    local: DVec3,
+    layers: Layers,
+}
+
+impl SeenStandard {
+    pub(in crate::material) fn new(bsdf: StandardBsdf, wo: DVec3) -> SeenStandard {
+        let axes = bsdf.frame.facet_axes(wo);
+        let local = axes.transpose() * wo;
+        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local) }
+    }
+
+    /// The directions in the frame of the facets, if both normals agree on the side of `wi`.
+    fn local(&self, wi: DVec3) -> Option<Local> {
+        let local = Local { wo: self.local, wi: self.axes.transpose() * wi };
+        ((local.wi.z > 0.0) == (wi.dot(self.bsdf.frame.facing) > 0.0)).then_some(local)
+    }
+
+    pub(in crate::material) fn eval(&self, wi: DVec3) -> Rgb {
+        self.local(wi).map_or(Rgb::BLACK, |local| self.bsdf.eval_local(&self.layers, &local))
+    }
+
+    pub(in crate::material) fn pdf(&self, wi: DVec3) -> f64 {
+        self.local(wi).map_or(0.0, |local| self.bsdf.pdf_local(&self.layers, &local))
+    }
+
+    pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        let SeenStandard { bsdf, wo, axes, local: o, layers } = self;
+        let (o, layer) = (*o, layers.choose(u_lobe)?);
+        let lobe = match layer {
+            Layer::Fuzz | Layer::Diffuse | Layer::Translucent => Lobe::Diffuse,
+            Layer::Coat | Layer::Metal | Layer::Gloss => Lobe::Mirror,
+            Layer::Clear => Lobe::Refraction,
+        };
+        if bsdf.is_delta_layer(layer) {
+            return bsdf.smooth(*wo, axes.z_axis, layers, layer).map(|(wi, f)| {
+                let pdf = layers.probability(layer);
+                BsdfSample { wi, f, pdf, lobe, is_delta: true }
+            });
+        }
+        let i = match layer {
+            Layer::Fuzz => layers.fuzz?.sample(u),
+            Layer::Diffuse => warp::cosine_hemisphere(u),
+            Layer::Translucent => -warp::cosine_hemisphere(u),
+            Layer::Coat => reflect(o, bsdf.coat_ggx().sample_mirroring(o, u)),
+            Layer::Metal | Layer::Gloss => reflect(o, bsdf.ggx().sample_mirroring(o, u)),
+            Layer::Clear if bsdf.thin_walled => {
+                reflect(o, bsdf.ggx().sample_mirroring(o, u)) * DVec3::new(1.0, 1.0, -1.0)
+            }
+            Layer::Clear => refract(o, bsdf.ggx().sample_visible(o, u), bsdf.eta_ratio)?,
+        };
+        let goes_through = matches!(layer, Layer::Translucent | Layer::Clear);
+        let wi = (*axes * i).normalize();
+        let local = self.local(wi).filter(|local| (local.wi.z < 0.0) == goes_through)?;
+        let pdf = bsdf.pdf_local(layers, &local);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: bsdf.eval_local(layers, &local), pdf, lobe, is_delta: false })
     }
 }

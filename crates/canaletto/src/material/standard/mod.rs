@@ -20,6 +20,7 @@ mod stretched_albedo;
 mod tests;
 mod thin_film;
 
+pub(crate) use bsdf::SeenStandard;
 pub use bsdf::StandardBsdf;
 pub use parameter::{StandardBlock, StandardParameter};
 pub use point::StandardPoint;
