@@ -153,6 +153,7 @@ impl Bsdf {
 }
 
 /// The scattering at a point as it is seen from one direction. What depends on that direction alone is computed once.
+#[expect(clippy::large_enum_variant, reason = "one lives on the stack, at the last vertex of a path")]
 pub(crate) enum SeenBsdf {
     Diffuse(DiffuseBsdf),
     Phong(PhongBsdf, DVec3),

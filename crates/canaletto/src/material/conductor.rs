@@ -157,8 +157,8 @@ pub(crate) struct SeenConductor {
     facets: Option<MetalFacets>,
 }
 
-/// The facets of a rough metal as they are seen from one direction. Path tracing evaluates eight of them side by side by
-/// the same functions.
+/// The facets of a rough metal as they are seen from one direction. Path tracing evaluates eight of them side by side
+/// by the same functions.
 pub(crate) struct MetalFacets {
     pub(crate) eta: Rgb,
     pub(crate) k: Rgb,
@@ -173,7 +173,7 @@ pub(crate) struct MetalFacets {
 }
 
 impl MetalFacets {
-    /// The unit direction in the frame of the facets, and the facet that mirrors it. The facet is 0 where there is none.
+    /// The unit direction in the frame of the facets, and the facet that mirrors it, which is 0 where there is none.
     #[inline(always)]
     fn local(&self, wi: DVec3) -> (DVec3, DVec3) {
         let wi = self.axes.transpose() * wi;
@@ -201,7 +201,8 @@ impl MetalFacets {
         if (wi.z > 0.0) & (m.z > 0.0) { pdf } else { 0.0 }
     }
 
-    /// The unit direction of a facet of the cap: at this point of the circle around its axis, and below `u` of its area.
+    /// The unit direction that a facet of the cap mirrors. The facet is at this point of the circle around the cap's
+    /// axis, and below `u` of its area.
     #[inline(always)]
     pub(crate) fn direction(&self, circle: DVec2, u: f64) -> DVec3 {
         (self.axes * reflect(self.wo, self.ggx.mirroring_at(self.wo, circle, u))).normalize()

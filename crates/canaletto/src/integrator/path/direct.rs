@@ -4,7 +4,7 @@
 //! together.
 
 use super::emitter::EmitterSample;
-use super::light_sampler::Source;
+use super::light_sampler::{GroupChoice, Source};
 use super::light_tree::Receiver;
 use super::vertex::Vertex;
 use super::{PathEvent, PathTracer, SampledSource, SourceSample};
@@ -51,18 +51,21 @@ pub(super) struct ShadowRay {
 }
 
 impl PathTracer<'_> {
+    /// The choice among groups of sources for a point.
+    pub(super) fn choice(&mut self, to: &Receiver) -> GroupChoice {
+        self.lights.choice(self.world, to, &mut self.blocks)
+    }
+
     /// The source that the numbers choose at a surface. None if the surface sends none of its light back.
     pub(super) fn sample_source<P: Probe>(
         &mut self,
         vertex: &Vertex,
+        (to, choice): (&Receiver, &GroupChoice),
         u_source: f64,
         u: [f64; 2],
         probe: &mut P,
     ) -> Option<ShadowRay> {
-        if vertex.is_delta() {
-            return None;
-        }
-        let (source, point) = self.sample_point(&vertex.receiver(), u_source, u)?;
+        let (source, point) = self.sample_point((to, choice), u_source, u)?;
         let SourcePoint { wi, position, radiance, pdf, t_max } = point;
         let f = reflected(vertex, wi)?;
         let sample = SourceSample {
@@ -80,9 +83,15 @@ impl PathTracer<'_> {
         Some(ShadowRay { source, ray, t_max, light: sample.light(), line: vertex.line(sample.to), inside })
     }
 
-    /// The source that the first number chooses for a point, and a point of it that sends light.
-    pub(super) fn sample_point(&self, to: &Receiver, u_source: f64, u: [f64; 2]) -> Option<(Source, SourcePoint)> {
-        let (source, chosen) = self.lights.sample(self.world, to, u_source)?;
+    /// The source that the first number chooses for a point, and a point of it that sends light. The choice must be the
+    /// last one that [`PathTracer::choice`] made.
+    pub(super) fn sample_point(
+        &self,
+        (to, choice): (&Receiver, &GroupChoice),
+        u_source: f64,
+        u: [f64; 2],
+    ) -> Option<(Source, SourcePoint)> {
+        let (source, chosen) = self.lights.sample(self.world, to, choice, u_source)?;
         let point = match source {
             Source::Light(number) => {
                 let light = self.light(number);
@@ -98,7 +107,7 @@ impl PathTracer<'_> {
                 SourcePoint { wi, position: Some(point), radiance, pdf: pdf * chosen, t_max: PAST_EMITTER }
             }
             Source::Environment => {
-                let sample = self.lights.environment.as_ref()?.sample(to.normal, to.two_sided, u);
+                let sample = self.lights.environment.as_ref()?.sample(&self.blocks, u);
                 let radiance = self.world.environment.as_ref()?.radiance_of_sample(&sample);
                 let EnvironmentSample { wi, pdf, .. } = sample;
                 SourcePoint { wi, position: None, radiance, pdf: pdf * chosen, t_max: f32::INFINITY }

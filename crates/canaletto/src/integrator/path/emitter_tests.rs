@@ -2,6 +2,7 @@
 
 use super::light_sampler::{LightSampler, Source};
 use super::light_tree::Receiver;
+use crate::light::environment::BlockWeights;
 use crate::light::{Emission, Light, LightKind, RectangleLight, SphereLight};
 use crate::material::{Material, Phong};
 use crate::math::{DRay, Rgb, Transform};
@@ -105,6 +106,7 @@ fn emitters_are_sampled_as_rays_find_them() {
     let mut random = Random(41);
     for (p, time) in [(DVec3::new(0.1, 0.2, 1.5), 0.0), (DVec3::new(0.4, -1.0, 2.0), 0.6)] {
         let to = Receiver { point: p, normal: DVec3::new(0.3, 0.2, 0.9).normalize(), two_sided: true };
+        let known = lights.choice(&world, &to, &mut BlockWeights::default()).known();
         let ray = |w: DVec3| Ray::new(p.as_vec3(), w.as_vec3());
         // The vector irradiance of each emitter, by strata of directions.
         let (rows, columns) = (1200, 2400);
@@ -136,8 +138,9 @@ fn emitters_are_sampled_as_rays_find_them() {
                 found[emitter] += w.normalize() * (f64::from(sample.radiance.g) / sample.pdf / f64::from(n));
                 if i % 100 == 0 {
                     let surface = world.surface(DRay { origin: p, direction: w }, &hit);
-                    let chosen = lights.pdf_of_hit(&world, &to, &hit, surface.exact, surface.normal) / sample.pdf;
-                    let own = lights.probability_of_emitter(&world, &to, emitter as u32);
+                    let chosen =
+                        lights.pdf_of_hit(&world, (&to, &known), &hit, surface.exact, surface.normal) / sample.pdf;
+                    let own = lights.probability_of_emitter(&to, &known, emitter as u32);
                     assert!((chosen / own - 1.0).abs() < 3e-3, "emitter {emitter}: {chosen}, not {own}");
                     compared += 1;
                 }
@@ -163,17 +166,20 @@ fn sources_are_chosen_by_their_probabilities() {
     for _ in 0..10 {
         let point = random.cube().as_dvec3() * 3.0;
         let to = Receiver { point, normal: DVec3::new(0.3, 0.2, 0.9).normalize(), two_sided: false };
+        let choice = lights.choice(&world, &to, &mut BlockWeights::default());
         let n = 20_000;
         let mut counts = vec![0.0; lights.emitters.all.len()];
         for i in 0..n {
             let u = (f64::from(i) + f64::from(random.unit())) / f64::from(n);
-            let Some((Source::Emitter(emitter), probability)) = lights.sample(&world, &to, u) else { continue };
-            let own = lights.probability_of_emitter(&world, &to, emitter);
+            let Some((Source::Emitter(emitter), probability)) = lights.sample(&world, &to, &choice, u) else {
+                continue;
+            };
+            let own = lights.probability_of_emitter(&to, &choice.known(), emitter);
             assert!((own / probability - 1.0).abs() < 1e-9, "{own}, not {probability}");
             counts[emitter as usize] += 1.0;
         }
         for (emitter, count) in (0..).zip(counts) {
-            let expected = lights.probability_of_emitter(&world, &to, emitter) * f64::from(n);
+            let expected = lights.probability_of_emitter(&to, &choice.known(), emitter) * f64::from(n);
             assert!((count - expected).abs() < 3.0 + 2.0 * expected.sqrt(), "{count} instead of {expected}");
         }
     }

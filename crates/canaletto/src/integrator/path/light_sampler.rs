@@ -8,7 +8,7 @@
 
 use super::emitter::Emitters;
 use super::light_tree::{ClusterBounds, Falloff, LightTree, NormalCone, Receiver};
-use crate::light::environment::EnvironmentDistribution;
+use crate::light::environment::{BlockWeights, EnvironmentDistribution};
 use crate::light::{Emission, LightBounds, PreparedLight, attenuation_divisor};
 use crate::math::Rgb;
 use crate::world::{Hit, World};
@@ -85,6 +85,32 @@ pub(super) struct LightSampler {
     only_group: Option<usize>,
     /// The only source, too.
     only: Option<Source>,
+}
+
+/// The choice among groups of sources at a point.
+pub(super) struct GroupChoice {
+    /// The probability of each group.
+    probabilities: [f64; GROUPS],
+    /// The total of the weights of the environment's blocks.
+    total: f64,
+}
+
+/// What rays that leave a point need of the choice there: it tells how likely the point would have chosen what they
+/// find.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct KnownChoice {
+    /// The probabilities of the emitting surfaces and of the environment.
+    surfaces: f64,
+    environment: f64,
+    /// The total of the environment's weights.
+    total: f64,
+}
+
+impl GroupChoice {
+    pub(super) fn known(&self) -> KnownChoice {
+        let GroupChoice { probabilities, total } = self;
+        KnownChoice { surfaces: probabilities[0], environment: probabilities[ENVIRONMENT], total: *total }
+    }
 }
 
 /// What stands for a colour in the choice of a light.
@@ -176,20 +202,32 @@ impl LightSampler {
         cos.max(to.least_cosine())
     }
 
-    /// The probability of each group for a point.
-    fn groups(&self, world: &World, to: &Receiver) -> [f64; GROUPS] {
-        let mut weights = [0.0; GROUPS];
-        if let Some(only) = self.only_group {
-            weights[only] = 1.0;
-            return weights;
+    /// The choice among groups for a point. `blocks` gets the weights of the environment's blocks, if there is one.
+    #[inline]
+    pub(super) fn choice(&self, world: &World, to: &Receiver, blocks: &mut BlockWeights) -> GroupChoice {
+        let mut total = 0.0;
+        if let Some(environment) = &self.environment {
+            *blocks = environment.weights(to.normal, to.two_sided);
+            total = blocks.total();
         }
+        if let Some(only) = self.only_group {
+            let mut probabilities = [0.0; GROUPS];
+            probabilities[only] = 1.0;
+            return GroupChoice { probabilities, total };
+        }
+        let arriving = self.environment.as_ref().map_or(0.0, |environment| environment.arriving(blocks));
+        GroupChoice { probabilities: self.probabilities(world, to, arriving), total }
+    }
+
+    /// The probability of each group for a point at which this light of the environment arrives.
+    fn probabilities(&self, world: &World, to: &Receiver, arriving: f64) -> [f64; GROUPS] {
+        let mut weights = [0.0; GROUPS];
         for (weight, tree) in weights.iter_mut().zip(&self.trees) {
             *weight = tree.tree.importance(to);
         }
         let far = |(light, strength): &(u32, f64)| strength * Self::cosine(to, world.lights[*light as usize].towards());
         weights[FAR] = self.far.iter().map(far).sum();
-        weights[ENVIRONMENT] =
-            self.environment.as_ref().map_or(0.0, |environment| environment.arriving(to.normal, to.two_sided));
+        weights[ENVIRONMENT] = arriving;
         let total: f64 = weights.iter().sum();
         let count = weights.iter().filter(|weight| **weight > 0.0).count() as f64;
         if total.is_nan() || total <= 0.0 || total.is_infinite() {
@@ -199,11 +237,11 @@ impl LightSampler {
     }
 
     /// A source that `u` of [0, 1) chooses for a point, with its probability.
-    pub(super) fn sample(&self, world: &World, to: &Receiver, u: f64) -> Option<(Source, f64)> {
+    pub(super) fn sample(&self, world: &World, to: &Receiver, choice: &GroupChoice, u: f64) -> Option<(Source, f64)> {
         if let Some(only) = self.only {
             return Some((only, 1.0));
         }
-        let groups = self.groups(world, to);
+        let groups = &choice.probabilities;
         let mut rest = u;
         let last = groups.iter().rposition(|probability| *probability > 0.0)?;
         let group = (0..last).find(|group| {
@@ -241,27 +279,38 @@ impl LightSampler {
     }
 
     /// The density with which directions of sampled lights lead from a point to a hit with this point and unit normal.
-    pub(super) fn pdf_of_hit(&self, world: &World, to: &Receiver, hit: &Hit, point: DVec3, normal: DVec3) -> f64 {
+    pub(super) fn pdf_of_hit(
+        &self,
+        world: &World,
+        (to, choice): (&Receiver, &KnownChoice),
+        hit: &Hit,
+        point: DVec3,
+        normal: DVec3,
+    ) -> f64 {
         let Some(emitter) = self.emitters.of_hit(hit) else { return 0.0 };
         let pdf = self.emitters.all[emitter as usize].pdf_from(world, hit.time, to.point, point, normal);
-        if pdf > 0.0 { pdf * self.probability_of_emitter(world, to, emitter) } else { 0.0 }
+        if pdf > 0.0 { pdf * self.probability_of_emitter(to, choice, emitter) } else { 0.0 }
     }
 
     /// The probability with which a point chooses an emitter.
-    pub(super) fn probability_of_emitter(&self, world: &World, to: &Receiver, emitter: u32) -> f64 {
+    pub(super) fn probability_of_emitter(&self, to: &Receiver, choice: &KnownChoice, emitter: u32) -> f64 {
         if self.only.is_some() {
             return 1.0;
         }
         // Emitters are the first leaves of the first tree.
-        self.groups(world, to)[0] * self.trees[0].tree.probability(to, emitter)
+        choice.surfaces * self.trees[0].tree.probability(to, emitter)
     }
 
     /// The density with which a unit direction is sampled for the light of the environment. `place` is the direction's
     /// (u, v) in a latitude-longitude image.
-    pub(super) fn pdf_of_environment(&self, world: &World, to: &Receiver, direction: DVec3, place: [f64; 2]) -> f64 {
+    pub(super) fn pdf_of_environment(
+        &self,
+        (to, choice): (&Receiver, &KnownChoice),
+        direction: DVec3,
+        place: [f64; 2],
+    ) -> f64 {
         let Some(environment) = &self.environment else { return 0.0 };
-        let chosen = if self.only.is_some() { 1.0 } else { self.groups(world, to)[ENVIRONMENT] };
-        environment.pdf(to.normal, to.two_sided, direction, place) * chosen
+        environment.pdf((to.normal, to.two_sided), choice.total, direction, place) * choice.environment
     }
 
     /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light. None if the

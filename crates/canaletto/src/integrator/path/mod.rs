@@ -34,6 +34,7 @@ mod vertex;
 use super::media::Media;
 use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};
 use crate::light::PreparedLight;
+use crate::light::environment::BlockWeights;
 use crate::material::{Material, MaterialModel};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
@@ -138,6 +139,7 @@ impl PreparedRayIntegrator for PreparedPath {
             time: 0.0,
             moved_lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             media: Media::default(),
+            blocks: BlockWeights::default(),
             occluder: OccluderCache::NONE,
             stream: PathStream::default(),
         }
@@ -181,6 +183,8 @@ pub(crate) struct PathTracer<'w> {
     moved_lights: Vec<PreparedLight>,
     /// The media that the path is in.
     media: Media,
+    /// The weights of the environment's blocks at the last vertex.
+    blocks: BlockWeights,
     /// The last occluder of shadow rays.
     occluder: OccluderCache,
     stream: PathStream,

@@ -10,9 +10,9 @@ mod scattering;
 
 use super::PathTracer;
 use super::direct::ShadowRay;
-use super::light_sampler::Source;
+use super::light_sampler::{KnownChoice, Source};
 use super::stream::PathShadow;
-use super::trace::{Path, ROULETTE_AFTER, uses};
+use super::trace::{Path, ROULETTE_AFTER, ScatteredFrom, uses};
 use crate::integrator::media::NONE;
 use crate::material::{ConductorPoint, Lobe, Material, MaterialModel, MaterialPoint, Parameter, Target};
 use crate::math::{DRay, Rgb};
@@ -152,8 +152,8 @@ impl<M> Vertices<M> {
 }
 
 impl PathTracer<'_> {
-    /// Adds a path's vertex to those that are shaded eight at a time, if it is one of them. Shades its kind if there are
-    /// eight now; `end` then gets the numbers of the paths that end.
+    /// Adds a path's vertex to those that are shaded eight at a time, if it is one of them. Shades its kind if there
+    /// are eight now; `end` then gets the numbers of the paths that end.
     #[inline]
     pub(super) fn push_opaque(
         &mut self,
@@ -231,6 +231,7 @@ impl PathTracer<'_> {
             InstructionSet::run(Arrive { inputs, surfaces, samples: &samples, places: &places, has_roulette });
         let bsdfs = materials.bsdfs(&arrived);
         let mut sources = [(Source::Environment, 0.0); LANES];
+        let mut choices = [KnownChoice::default(); LANES];
         let mut points = SourcePoints::NONE;
         for (lane, number) in numbers.iter().enumerate() {
             if bsdfs.is_black(lane) {
@@ -238,7 +239,10 @@ impl PathTracer<'_> {
             }
             self.set_time(paths[*number as usize].time);
             let (u_source, [u, v]) = &arrived.u_source;
-            let sampled = self.sample_point(&arrived.receiver(lane), u_source[lane], [u[lane], v[lane]]);
+            let receiver = arrived.receiver(lane);
+            let choice = self.choice(&receiver);
+            choices[lane] = choice.known();
+            let sampled = self.sample_point((&receiver, &choice), u_source[lane], [u[lane], v[lane]]);
             let Some((source, point)) = sampled else { continue };
             sources[lane] = (source, point.t_max);
             points.set(lane, source, &point);
@@ -281,7 +285,7 @@ impl PathTracer<'_> {
             path.leave_opaque(
                 Ray { origin: vec3(&scattered.origin, lane), direction: vec3(&scattered.direction, lane) },
                 DRay { origin: exact, direction: dvec3(&scattered.wi, lane) },
-                (arrived.receiver(lane), scattered.pdf[lane]),
+                ScatteredFrom { receiver: arrived.receiver(lane), choice: choices[lane], pdf: scattered.pdf[lane] },
                 if guides.chosen[lane] { Lobe::Diffuse } else { M::Bsdfs::LOBE },
             );
         }

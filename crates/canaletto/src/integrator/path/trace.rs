@@ -5,6 +5,7 @@ mod features;
 use super::PathTracer;
 use super::direct::ShadowRay;
 use super::emitter::seen_emission;
+use super::light_sampler::KnownChoice;
 use super::light_tree::Receiver;
 use super::vertex::{MediumVertex, MeterVertex, SurfaceVertex, Vertex};
 use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
@@ -58,6 +59,15 @@ pub(super) fn survival(throughput: Rgb) -> f32 {
 /// The most surfaces of partial coverage that a path passes one after the other.
 pub(super) const MAX_PASSED: u32 = 1 << 16;
 
+/// A point where a path was scattered.
+pub(super) struct ScatteredFrom {
+    /// The point as lights see it, and the choice of a light there.
+    pub(super) receiver: Receiver,
+    pub(super) choice: KnownChoice,
+    /// The density of the path's direction.
+    pub(super) pdf: f64,
+}
+
 /// The ray that a path goes on along.
 struct Segment {
     ray: Ray,
@@ -65,9 +75,9 @@ struct Segment {
     differential: Option<RayDifferential>,
     /// The bodies that the ray is in, and the coinciding surface at its origin.
     inside: [u32; 2],
-    /// The point where it was scattered last, with the density of its direction there. None from the eye, and after a
-    /// mirror or a refraction, which no light is sampled for.
-    scattered: Option<(Receiver, f64)>,
+    /// Where it was scattered last. None from the eye, and after a mirror or a refraction, which no light is sampled
+    /// for.
+    scattered: Option<ScatteredFrom>,
     /// Whether it has passed surfaces since then.
     passed: bool,
     kind: Kind,
@@ -133,7 +143,7 @@ impl Path {
     }
 
     /// Sends it on from an opaque surface that scatters to all sides.
-    pub(super) fn leave_opaque(&mut self, ray: Ray, line: DRay, scattered: (Receiver, f64), lobe: Lobe) {
+    pub(super) fn leave_opaque(&mut self, ray: Ray, line: DRay, scattered: ScatteredFrom, lobe: Lobe) {
         self.segment = Segment {
             ray,
             line,
@@ -357,19 +367,30 @@ impl PathTracer<'_> {
     pub(super) fn scatter<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Step {
         let (sample, place) = (path.sample, path.place);
         let numbers = sample.one_and_two(place.of(uses::LIGHT));
-        let shadow = self.sample_source(vertex, numbers.0, numbers.1, probe).map(|shadow| (shadow, path.throughput));
-        let end = self.go_on(path, vertex, probe).err();
+        let receiver = vertex.receiver();
+        let choice = (!vertex.is_delta()).then(|| self.choice(&receiver));
+        let shadow = choice
+            .as_ref()
+            .and_then(|choice| self.sample_source(vertex, (&receiver, choice), numbers.0, numbers.1, probe));
+        let shadow = shadow.map(|shadow| (shadow, path.throughput));
+        let end = self.go_on(path, vertex, choice.map(|choice| choice.known()), probe).err();
         if let Some(end) = end {
             probe.path(PathEvent::End(end));
         }
         Step { shadow, goes_on: end.is_none() }
     }
 
-    /// Sends a path on in a random direction.
+    /// Sends a path on in a random direction. `choice` is that of a light at the vertex, if one was chosen.
     ///
     /// # Errors
     /// The reason why it ends.
-    fn go_on<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Result<(), PathEnd> {
+    fn go_on<P: Probe>(
+        &mut self,
+        path: &mut Path,
+        vertex: &Vertex,
+        choice: Option<KnownChoice>,
+        probe: &mut P,
+    ) -> Result<(), PathEnd> {
         let (sample, place) = (path.sample, path.place);
         let numbers = sample.one_and_two(place.of(uses::LOBE));
         let (scattered, guiding) = vertex.sample(numbers.0, numbers.1).ok_or(PathEnd::Absorbed)?;
@@ -399,7 +420,11 @@ impl PathTracer<'_> {
             differential: None,
             inside,
             passed: false,
-            scattered: (!scattered.is_delta).then(|| (vertex.receiver(), scattered.pdf)),
+            scattered: choice.filter(|_| !scattered.is_delta).map(|choice| ScatteredFrom {
+                receiver: vertex.receiver(),
+                choice,
+                pdf: scattered.pdf,
+            }),
             kind: Kind::Scattered(scattered.lobe),
         };
         path.depth += 1;
@@ -444,14 +469,14 @@ impl PathTracer<'_> {
         };
         let direction = segment.line.direction;
         let footprint = segment.differential.as_ref().map_or([DVec3::ZERO; 2], |d| d.direction);
-        let Some((from, scattering)) = &segment.scattered else {
+        let Some(ScatteredFrom { receiver, choice, pdf }) = &segment.scattered else {
             return found(PathEmitter::Environment, environment.lookup(direction, footprint).radiance, None, probe);
         };
         let direction = direction.normalize();
         let (radiance, place) = environment.radiance_and_place(direction, footprint);
         let densities = is_direct.then(|| {
-            let source = self.lights.pdf_of_environment(self.world, from, direction, place);
-            PathDensities { scattering: *scattering, source }
+            let source = self.lights.pdf_of_environment((receiver, choice), direction, place);
+            PathDensities { scattering: *pdf, source }
         });
         found(PathEmitter::Environment, radiance, densities, probe)
     }
@@ -471,15 +496,15 @@ impl PathTracer<'_> {
         if emission.is_black() {
             return emission;
         }
-        let Some((from, scattering)) = &segment.scattered else {
+        let Some(ScatteredFrom { receiver, choice, pdf }) = &segment.scattered else {
             return found(PathEmitter::Surface, emission, None, probe);
         };
-        let Some(emission) = self.lights.lit(self.world, hit, emission, from.point.distance(frame.exact)) else {
+        let Some(emission) = self.lights.lit(self.world, hit, emission, receiver.point.distance(frame.exact)) else {
             return Rgb::BLACK;
         };
         let densities = is_direct.then(|| {
-            let source = self.lights.pdf_of_hit(self.world, from, hit, frame.exact, frame.outer);
-            PathDensities { scattering: *scattering, source }
+            let source = self.lights.pdf_of_hit(self.world, (receiver, choice), hit, frame.exact, frame.outer);
+            PathDensities { scattering: *pdf, source }
         });
         found(PathEmitter::Surface, emission, densities, probe)
     }

@@ -74,7 +74,8 @@ struct Blocks {
 }
 
 /// The shares of the blocks in the light that arrives at a surface.
-struct BlockWeights {
+#[derive(Debug, Default)]
+pub(crate) struct BlockWeights {
     /// What the radiance of a block counts.
     factors: OfBlocks,
     /// The sums of the light of a row's first columns.
@@ -101,6 +102,16 @@ impl WeighBlocks<'_> {
         let beyond = if middle > radius { middle - radius } else { 0.0 };
         within * within * quarter + beyond
     }
+
+    /// What the radiance of a block counts.
+    #[inline(always)]
+    fn factor(&self, column: usize, row: usize) -> f64 {
+        let ([x, y, z], n) = (&self.blocks.middle, self.normal);
+        let middle = x[column][row] * n.x + y[column][row] * n.y + z[column][row] * n.z;
+        let front = self.cosine(column, row, middle);
+        let factor = if self.two_sided { front + self.cosine(column, row, -middle) } else { front };
+        if factor > LEAST_COSINE { factor } else { LEAST_COSINE }
+    }
 }
 
 impl Kernel for WeighBlocks<'_> {
@@ -108,18 +119,13 @@ impl Kernel for WeighBlocks<'_> {
 
     #[inline(always)]
     fn run(self) -> BlockWeights {
-        let (blocks, n) = (self.blocks, self.normal);
         let mut factors = [[0.0; BLOCK_ROWS]; BLOCK_COLUMNS];
-        for column in 0..BLOCK_COLUMNS {
-            for row in 0..BLOCK_ROWS {
-                let [x, y, z] = &blocks.middle;
-                let middle = x[column][row] * n.x + y[column][row] * n.y + z[column][row] * n.z;
-                let front = self.cosine(column, row, middle);
-                let factor = if self.two_sided { front + self.cosine(column, row, -middle) } else { front };
-                factors[column][row] = if factor > LEAST_COSINE { factor } else { LEAST_COSINE };
+        for (column, factors) in factors.iter_mut().enumerate() {
+            for (row, factor) in factors.iter_mut().enumerate() {
+                *factor = self.factor(column, row);
             }
         }
-        blocks.weights(factors)
+        self.blocks.weights(factors)
     }
 }
 
@@ -150,8 +156,8 @@ impl Blocks {
 }
 
 impl BlockWeights {
-    /// All light that arrives.
-    fn total(&self) -> f64 {
+    /// All light that arrives, relative to the environment's.
+    pub(crate) fn total(&self) -> f64 {
         self.rows[BLOCK_ROWS - 1]
     }
 }
@@ -263,24 +269,26 @@ impl EnvironmentDistribution {
 
     /// The weights of all blocks for a surface with a unit normal, or for a point in a medium where the normal is zero.
     /// Light from behind counts as much if the surface is two-sided.
-    fn weights(&self, normal: DVec3, two_sided: bool) -> BlockWeights {
+    pub(crate) fn weights(&self, normal: DVec3, two_sided: bool) -> BlockWeights {
         if normal == DVec3::ZERO {
             return self.blocks.weights([[1.0; BLOCK_ROWS]; BLOCK_COLUMNS]);
         }
-        let normal = self.to_local.vector(normal);
-        InstructionSet::run(WeighBlocks { blocks: &self.blocks, normal, two_sided })
+        InstructionSet::run(self.weigh_blocks(normal, two_sided))
+    }
+
+    fn weigh_blocks(&self, normal: DVec3, two_sided: bool) -> WeighBlocks<'_> {
+        WeighBlocks { blocks: &self.blocks, normal: self.to_local.vector(normal), two_sided }
     }
 
     /// The light that arrives at a surface if nothing hides the environment: about the irradiance, as a sum of its
     /// components.
-    pub(crate) fn arriving(&self, normal: DVec3, two_sided: bool) -> f64 {
-        self.total * self.weights(normal, two_sided).total()
+    pub(crate) fn arriving(&self, weights: &BlockWeights) -> f64 {
+        self.total * weights.total()
     }
 
-    /// The direction at `u` of the unit square for a surface.
-    pub(crate) fn sample(&self, normal: DVec3, two_sided: bool, [u, v]: [f64; 2]) -> EnvironmentSample {
+    /// The direction at `u` of the unit square for a surface of these weights.
+    pub(crate) fn sample(&self, weights: &BlockWeights, [u, v]: [f64; 2]) -> EnvironmentSample {
         let [width, height] = self.size;
-        let weights = self.weights(normal, two_sided);
         let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| if row == 0 { 0.0 } else { weights.rows[row - 1] });
         let before = |column: usize| if column == 0 { 0.0 } else { weights.sums[column - 1][block_row] };
         let (block_column, v) = pick(v, 0..BLOCK_COLUMNS, before);
@@ -299,8 +307,14 @@ impl EnvironmentDistribution {
     }
 
     /// The density with which a surface samples a unit direction, per unit of solid angle. `place` is the direction's
-    /// (u, v) in a latitude-longitude image of the environment.
-    pub(crate) fn pdf(&self, normal: DVec3, two_sided: bool, direction: DVec3, [u, v]: [f64; 2]) -> f64 {
+    /// (u, v) in a latitude-longitude image of the environment, and `total` is that of the surface's weights.
+    pub(crate) fn pdf(
+        &self,
+        (normal, two_sided): (DVec3, bool),
+        total: f64,
+        direction: DVec3,
+        [u, v]: [f64; 2],
+    ) -> f64 {
         let [width, height] = self.size;
         let local = self.to_local.vector(direction);
         let x = u * width as f64 - 0.5;
@@ -310,12 +324,14 @@ impl EnvironmentDistribution {
         let row = ((v * (height - 2) as f64 + 0.5).max(0.0) as usize).min(height - 2);
         let [above, below] = [row, row + 1].map(|row| height_of(row, height));
         let y = ((v - above) / (below - above)).clamp(0.0, 1.0);
-        let weights = self.weights(normal, two_sided);
         // The block is the last one that begins at the place or before it.
         let block = |place: usize, count: usize, blocks: usize| ((place + 1) * blocks - 1) / count;
         let (block_row, block_column) = (block(row, height - 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
-        let factor = weights.factors[block_column][block_row] / weights.total();
-        self.density(row, column, [x - left, y], local) * factor
+        let factor = match normal == DVec3::ZERO {
+            true => 1.0,
+            false => self.weigh_blocks(normal, two_sided).factor(block_column, block_row),
+        };
+        self.density(row, column, [x - left, y], local) * (factor / total)
     }
 
     /// The density of the radiance in a unit direction of the environment's own, at a place between four nodes.
@@ -440,7 +456,9 @@ mod tests {
             const FINE: usize = 64;
             let n = 512;
             let pdf_of = |d: DVec3| {
-                distribution.pdf(normal, two_sided, d, environment.radiance_and_place(d, [DVec3::ZERO; 2]).1)
+                let total = distribution.weights(normal, two_sided).total();
+                let place = environment.radiance_and_place(d, [DVec3::ZERO; 2]).1;
+                distribution.pdf((normal, two_sided), total, d, place)
             };
             let sampler = Sampler::new(3, 0, [0; 2]);
             let (mut counts, mut expected) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
@@ -451,7 +469,8 @@ mod tests {
             };
             for i in 0..n * n {
                 let u = [sampler.uniform(i, 0), sampler.uniform(i, 1)];
-                let EnvironmentSample { wi: d, pdf, .. } = distribution.sample(normal, two_sided, u);
+                let EnvironmentSample { wi: d, pdf, .. } =
+                    distribution.sample(&distribution.weights(normal, two_sided), u);
                 assert!((d.length() - 1.0).abs() < 1e-12, "{d}");
                 let again = pdf_of(d);
                 assert!((pdf - again).abs() <= 1e-9 * pdf, "{d}: {pdf} {again}");
@@ -485,8 +504,10 @@ mod tests {
         let n = 256;
         let (mut sum, mut squares) = (0.0, 0.0);
         for i in 0..n * n {
-            let sample =
-                distribution.sample(DVec3::ZERO, false, [i % n, i / n].map(|i| (f64::from(i) + 0.5) / f64::from(n)));
+            let sample = distribution.sample(
+                &distribution.weights(DVec3::ZERO, false),
+                [i % n, i / n].map(|i| (f64::from(i) + 0.5) / f64::from(n)),
+            );
             let radiance = environment.radiance_without_sun(sample.wi, [DVec3::ZERO; 2]);
             let at_place = environment.radiance_of_sample(&sample);
             for (one, other) in radiance.to_array().into_iter().zip(at_place.to_array()) {
@@ -500,7 +521,7 @@ mod tests {
         let relative = squares / f64::from(n * n) / (mean * mean) - 1.0;
         // sin θ isn't linear between the few rows. A grid that is half a texel off has 2.
         assert!(relative < 0.05, "{relative}");
-        let whole = distribution.arriving(DVec3::ZERO, false);
+        let whole = distribution.arriving(&distribution.weights(DVec3::ZERO, false));
         assert!((mean / whole - 1.0).abs() < 0.05, "{mean} {whole}");
     }
 }

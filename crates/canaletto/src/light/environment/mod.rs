@@ -24,7 +24,7 @@ use super::{Directional, Light, LightKind};
 use crate::math::{Rgb, Transform};
 use crate::texture::{Image, Samples};
 use crate::{Named, OutOfRange, named};
-pub(crate) use distribution::{EnvironmentDistribution, EnvironmentSample};
+pub(crate) use distribution::{BlockWeights, EnvironmentDistribution, EnvironmentSample};
 use glam::DVec3;
 use map::{EnvironmentMap, Layout};
 use serde::{Deserialize, Serialize};

@@ -210,9 +210,9 @@ impl<S: Scattering8> Kernel for Scatter<'_, S> {
             set_dvec3(&mut wi, i, direction);
         }
         let mut throughput = [[0.0; LANES]; 3];
-        for i in 0..LANES {
+        for (i, pdf) in pdf.iter().enumerate() {
             let f = bsdfs.eval(i, dvec3(&wi, i));
-            let next = (rgb(self.throughput, i) * f * (1.0 / pdf[i]) as f32).saturated();
+            let next = (rgb(self.throughput, i) * f * (1.0 / pdf) as f32).saturated();
             set_vec3(&mut throughput, i, next.to_array().into());
         }
         let (mut origin, mut direction) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
@@ -222,16 +222,16 @@ impl<S: Scattering8> Kernel for Scatter<'_, S> {
             set_vec3(&mut direction, i, wi.as_vec3());
         }
         let mut guided = guides.guided;
-        for i in 0..LANES {
-            let ratio = (pdf[i] / own[i]) as f32;
+        for (i, own) in own.iter().enumerate() {
+            let ratio = (pdf[i] / own) as f32;
             guided[i] *= if guides.probability[i] > 0.0 { ratio } else { 1.0 };
         }
         let (mut lit, mut alive) = (0, 0);
-        for i in 0..LANES {
+        for (i, own) in own.into_iter().enumerate() {
             let (f, throughput) = (rgb(&f, i), rgb(&throughput, i));
             lit |= u32::from(points.lit[i] && !f.is_black() && f.is_finite()) << i;
             // A surface's own direction that it doesn't scatter to has no density.
-            let is_sampled = own[i] > 0.0 || guides.chosen[i];
+            let is_sampled = own > 0.0 || guides.chosen[i];
             alive |= u32::from(is_sampled && !throughput.is_black() && throughput.is_finite()) << i;
         }
         if self.has_roulette {

@@ -1,7 +1,7 @@
 //! What a denoiser knows of a surface besides its noisy light: albedo, normal and depth, as paths see them through
 //! mirrors and clear bodies.
 
-use super::{MAX_PASSED, Vertex, uses};
+use super::{KnownChoice, MAX_PASSED, Vertex, uses};
 use crate::integrator::path::PathTracer;
 use crate::integrator::visible_hit::Frame;
 use crate::math::{DRay, RayDifferential, Rgb};
@@ -80,7 +80,8 @@ impl PathTracer<'_> {
                 continue;
             }
             let before = path.throughput;
-            let goes_on = self.go_on(&mut path, &Vertex::Surface(&vertex), &mut ()).is_ok();
+            let goes_on =
+                self.go_on(&mut path, &Vertex::Surface(&vertex), Some(KnownChoice::default()), &mut ()).is_ok();
             // A random direction changes the throughput by f / pdf, whose mean is the albedo.
             if !goes_on || path.segment.scattered.is_some() || share > 0.0 || specular == MOST_SPECULAR {
                 return shown(path.throughput * (1.0 - share) + before * overlay * share);
