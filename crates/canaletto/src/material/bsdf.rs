@@ -7,7 +7,7 @@ use super::conductor::SeenConductor;
 use super::dielectric::SeenDielectric;
 use super::standard::SeenStandard;
 use super::{ConductorBsdf, DielectricBsdf, DiffuseBsdf, PhongBsdf, StandardBsdf};
-use crate::math::Rgb;
+use crate::math::{Rgb, select};
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
@@ -52,12 +52,7 @@ impl ScatteringFrame {
     /// The axes of microfacets that are alike in all directions, for these normals.
     #[inline(always)]
     pub(crate) fn isotropic_facet_axes(normal: DVec3, facing: DVec3, wo: DVec3) -> DMat3 {
-        let is_seen = wo.dot(normal) > 0.0;
-        let z = DVec3 {
-            x: if is_seen { normal.x } else { facing.x },
-            y: if is_seen { normal.y } else { facing.y },
-            z: if is_seen { normal.z } else { facing.z },
-        };
+        let z = select(wo.dot(normal) > 0.0, normal, facing);
         let x = z.any_orthonormal_vector();
         DMat3::from_cols(x, z.cross(x), z)
     }

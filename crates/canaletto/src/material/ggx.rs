@@ -3,7 +3,7 @@
 //!
 //! All directions are in the frame of the surface, where z is the normal and the viewer is above it.
 
-use crate::math::{larger, smaller};
+use crate::math::{larger, select, smaller};
 use crate::named;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -168,12 +168,7 @@ impl Ggx {
         let facet = self.scaled(half).extend(larger(half.z, 0.0));
         let shrink = facet.length_recip();
         let is_facet = (shrink > 0.0) & (shrink < f64::INFINITY);
-        let (facet, flat) = (facet * shrink, DVec3::Z);
-        DVec3 {
-            x: if is_facet { facet.x } else { flat.x },
-            y: if is_facet { facet.y } else { flat.y },
-            z: if is_facet { facet.z } else { flat.z },
-        }
+        select(is_facet, facet * shrink, DVec3::Z)
     }
 }
 

@@ -153,7 +153,8 @@ fn long_help() -> String {
          command continues with the next frame. A picture by paths keeps the samples that its pixels have: its part \
          is whole after the first pass, and --continue name.partial.exr goes on with it. The samples of a single \
          name.png are kept beside its part, as name.png.partial.exr. The program ends within two seconds. A part that \
-         takes longer to save has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends the program at once."
+         takes longer to save has black lower rows, or lacks layers, and a message says so. A second Ctrl-C ends \
+         the program at once."
     )
 }
 

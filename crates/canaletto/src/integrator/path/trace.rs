@@ -373,14 +373,15 @@ impl PathTracer<'_> {
             .as_ref()
             .and_then(|choice| self.sample_source(vertex, (&receiver, choice), numbers.0, numbers.1, probe));
         let shadow = shadow.map(|shadow| (shadow, path.throughput));
-        let end = self.go_on(path, vertex, choice.map(|choice| choice.known()), probe).err();
+        let end = self.go_on(path, vertex, choice.map(|choice| (receiver, choice.known())), probe).err();
         if let Some(end) = end {
             probe.path(PathEvent::End(end));
         }
         Step { shadow, goes_on: end.is_none() }
     }
 
-    /// Sends a path on in a random direction. `choice` is that of a light at the vertex, if one was chosen.
+    /// Sends a path on in a random direction. `lit` is the vertex as lights see it, and the choice of a light there, if
+    /// one was chosen.
     ///
     /// # Errors
     /// The reason why it ends.
@@ -388,7 +389,7 @@ impl PathTracer<'_> {
         &mut self,
         path: &mut Path,
         vertex: &Vertex,
-        choice: Option<KnownChoice>,
+        lit: Option<(Receiver, KnownChoice)>,
         probe: &mut P,
     ) -> Result<(), PathEnd> {
         let (sample, place) = (path.sample, path.place);
@@ -420,8 +421,8 @@ impl PathTracer<'_> {
             differential: None,
             inside,
             passed: false,
-            scattered: choice.filter(|_| !scattered.is_delta).map(|choice| ScatteredFrom {
-                receiver: vertex.receiver(),
+            scattered: lit.filter(|_| !scattered.is_delta).map(|(receiver, choice)| ScatteredFrom {
+                receiver,
                 choice,
                 pdf: scattered.pdf,
             }),

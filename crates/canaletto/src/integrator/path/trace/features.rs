@@ -80,8 +80,9 @@ impl PathTracer<'_> {
                 continue;
             }
             let before = path.throughput;
-            let goes_on =
-                self.go_on(&mut path, &Vertex::Surface(&vertex), Some(KnownChoice::default()), &mut ()).is_ok();
+            let vertex = Vertex::Surface(&vertex);
+            let lit = Some((vertex.receiver(), KnownChoice::default()));
+            let goes_on = self.go_on(&mut path, &vertex, lit, &mut ()).is_ok();
             // A random direction changes the throughput by f / pdf, whose mean is the albedo.
             if !goes_on || path.segment.scattered.is_some() || share > 0.0 || specular == MOST_SPECULAR {
                 return shown(path.throughput * (1.0 - share) + before * overlay * share);
