@@ -62,10 +62,11 @@ pub(crate) struct SourceFlags {
 
     /// Changes one value of the scene or model; may be repeated
     ///
-    /// KEY is a path of words with dots between them: a node, the node's name if there are several, and a word in its
-    /// braces. VALUE is written as in a scene text. Examples: --set integrator.max-depth=3, --set
-    /// material.glass.eta=1.4, --set 'light.key.position=0 5 0'. --set integrator=zbuffer selects an integrator before
-    /// all else is set. Models have camera, film, integrator, background, ambient, material and light.
+    /// KEY is a path of words with dots between them: a node, the node's name if there are several, the words of the
+    /// blocks in its braces, and a word in the last one. VALUE is written as in a scene text. Examples: --set
+    /// integrator.max-depth=3, --set material.gold.standard.specular.roughness=0.4, --set 'light.key.position=0 5 0'.
+    /// --set integrator=zbuffer selects an integrator before all else is set. Models have camera, film, integrator,
+    /// background, ambient, material and light.
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
     pub set: Vec<String>,
 

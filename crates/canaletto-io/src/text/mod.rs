@@ -90,6 +90,8 @@ pub struct SceneDocument {
     uses_camera: bool,
     /// The camera of a scene that has none, computed at the first frame that is read.
     default_camera: Option<Option<View>>,
+    /// The node of what `--set` changes in that camera.
+    set_in_default_camera: Vec<syntax::Node>,
     keep: FrameCache,
 }
 
@@ -129,8 +131,10 @@ impl SceneDocument {
         if nodes.is_empty() && report.has_errors() {
             return Err(report.finish(&files));
         }
-        overrides::apply_set(&mut nodes, set, Settable::Scene, &mut files, &mut report);
+        let file_of_set = overrides::apply_set(&mut nodes, set, Settable::Scene, &mut files, &mut report);
         let numbers = arithmetic::evaluate(&mut nodes, &files, &mut report);
+        let is_made = |node: &syntax::Node| *node.name == *CAMERA.name && Some(node.name_span.file) == file_of_set;
+        let set_in_default_camera = nodes.extract_if(.., |node| is_made(node)).collect();
         let (timeline, report) = animate::timeline(&nodes, &files, report);
         let keep = FrameCache::new(timeline.moves);
         let times = animate::times(&nodes);
@@ -147,6 +151,7 @@ impl SceneDocument {
             has_time,
             times,
             camera: None,
+            set_in_default_camera,
             uses_camera: true,
             default_camera: None,
             keep,
@@ -167,6 +172,30 @@ impl SceneDocument {
         };
         self.default_camera = Some(view.clone());
         view
+    }
+
+    /// The scene with its default camera, as `--set` changes it.
+    fn with_default_camera(
+        &mut self,
+        mut scene: Scene,
+        mut report: Report,
+        assets: &dyn Assets,
+        frame: f64,
+    ) -> (Option<Scene>, Report) {
+        let Some(view) = self.default_camera(&scene, assets, frame) else { return (Some(scene), report) };
+        if self.uses_camera {
+            report.push(no_camera(&view));
+        }
+        let mut set = self.set_in_default_camera.clone();
+        for node in &mut set {
+            node.values =
+                vec![syntax::Value { kind: syntax::ValueKind::Text(view.name.as_str().into()), span: node.span }];
+        }
+        scene.views.push(view);
+        match set.as_slice() {
+            [] => (Some(scene), report),
+            nodes => decode::override_scene(scene, nodes, None, &self.files, assets, report),
+        }
     }
 
     fn once(mut self, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
@@ -239,13 +268,8 @@ impl SceneSource for SceneDocument {
         let (mut scene, mut report) =
             decode::decode(nodes, &self.numbers, &self.files, assets, report, &mut self.keep, &neighbours);
         self.keep.turn();
-        if let Some(scene) = scene.as_mut().filter(|scene| scene.views.is_empty() && !report.has_errors())
-            && let Some(view) = self.default_camera(scene, assets, frame)
-        {
-            if self.uses_camera {
-                report.push(no_camera(&view));
-            }
-            scene.views.push(view);
+        if let Some(without) = scene.take_if(|scene| scene.views.is_empty() && !report.has_errors()) {
+            (scene, report) = self.with_default_camera(without, report, assets, frame);
         }
         let failed = report.has_errors();
         let diagnostics = report.finish(&self.files);

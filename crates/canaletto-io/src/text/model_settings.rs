@@ -31,7 +31,7 @@ pub(crate) fn set_in_model(
     let file = files.add(name.to_owned(), AssetPath::new("", name, name), "".into());
     let mut nodes = described(&scene, Span { file, start: 0, end: 0 });
     apply_set(&mut nodes, set, Settable::Model, &mut files, &mut report);
-    let (scene, report) = override_scene(scene, &nodes, file, &files, assets, report);
+    let (scene, report) = override_scene(scene, &nodes, Some(file), &files, assets, report);
     let failed = report.has_errors();
     let diagnostics = report.finish(&files);
     match scene {

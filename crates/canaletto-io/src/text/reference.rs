@@ -364,6 +364,12 @@ object, light, group or prototype; what is repeated may stand in a group and is 
 const SET: &str = r#"## Values from the command line
 
 `--set` changes a value before the scene is read: `--set integrator.max-depth=3`, `--set background="0 0 0"`,
-`--set material.glass.eta=1.4`, `--set light.key.intensity="1 1 1"`, `--set 'film.sample="jittered" n=4'`. The path is a node's
-word, its name where it has one, and a word in it. Without a name all nodes of that word change: `--set camera.fovy=60`.
+`--set material.glass.eta=1.4`, `--set light.key.intensity="1 1 1"`, `--set 'film.sample="jittered" n=4'`. The path is a
+node's word, its name where it has one, the words of blocks, and a word in the last one:
+`--set material.gold.standard.specular.roughness=0.4`, `--set camera.lens.radius=0.1`. Without a name all nodes of that
+word change: `--set camera.fovy=60`. A block that isn't there is made. Of several blocks of one word the text after it
+chooses: `--set material.wall.texture.bricks.repeat=4`. A key is chosen by its time:
+`--set 'sphere.ball.center.key.50=1 2 3'`. `--set integrator=path` and `--set environment=sky` choose a kind,
+`--set let.n=3` changes a number, and `--set repeat.i=12` a number of copies. Quotes keep a name with dots together:
+`--set 'material."a.b".kd=1'`.
 "#;

@@ -15,7 +15,7 @@ mod tests;
 pub(crate) use color::closest_color;
 pub(crate) use expression::{CONSTANTS, FUNCTIONS};
 pub(crate) use media::{DIELECTRIC, MEDIA, closest_medium, takes_media};
-pub(crate) use repeat::{Copies, MAX_COPIES, MAX_KEPT_COPIES, REPEAT, Repeat};
+pub(crate) use repeat::{Copies, DEFAULT_INDEX, MAX_COPIES, MAX_KEPT_COPIES, REPEAT, Repeat};
 
 use super::closest_word::closest_word;
 use super::files::Files;

@@ -20,7 +20,7 @@ pub(crate) const MAX_COPIES: u64 = 1 << 22;
 pub(crate) const MAX_KEPT_COPIES: usize = 1 << 16;
 
 /// The name of the number of a copy, if none is given.
-const DEFAULT_INDEX: &str = "i";
+pub(crate) const DEFAULT_INDEX: &str = "i";
 
 /// How the copies of a node differ. The node's children are what is copied.
 #[derive(Debug)]

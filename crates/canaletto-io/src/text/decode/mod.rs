@@ -104,7 +104,7 @@ pub(crate) fn views(nodes: &[Node], files: &Files, assets: &dyn Assets) -> Vec<V
 pub(crate) fn override_scene(
     scene: Scene,
     nodes: &[Node],
-    own: u16,
+    own: Option<u16>,
     files: &Files,
     assets: &dyn Assets,
     report: Report,
@@ -113,7 +113,7 @@ pub(crate) fn override_scene(
     let mut decoder = Decoder::new(Validator::new(files, report), assets, Names::default(), &mut keep, &|_| Vec::new());
     decoder.scene = scene;
     decoder.settings(nodes);
-    let is_changed = |node: &Node| node.children.iter().any(|child| child.name_span.file != own);
+    let is_changed = |node: &Node| node.children.iter().any(|child| Some(child.name_span.file) != own);
     let materials = nodes.iter().filter(|node| *node.name == *MATERIAL_NODE.name);
     for (index, node) in materials.enumerate().filter(|(_, node)| is_changed(node)) {
         decoder.override_material(node, index);
