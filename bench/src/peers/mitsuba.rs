@@ -265,6 +265,8 @@ mod tests {
         assert!(matte.contains("type=\"direct\"><integer name=\"emitter_samples\" value=\"2\"/>"), "{matte}");
         assert!(mirror.contains("type=\"path\"><integer name=\"max_depth\" value=\"5\"/>"), "{mirror}");
         assert!(matte.contains("<shape type=\"sphere\">"), "{matte}");
+        // One camera ray for each pixel, as all others trace.
+        assert!(matte.contains("name=\"sample_count\" value=\"1\""), "{matte}");
         // The intensity is π · 5² for the distance to the centre of the view.
         assert!(matte.contains("<rgb name=\"intensity\" value=\"78.53"), "{matte}");
     }

@@ -1,4 +1,7 @@
 //! Compares whole processes that render pictures, from the start of the program to the written file.
+//!
+//! All renderers do equal work: one camera ray for each pixel. Before a scene is timed, small pictures of those that
+//! report their camera rays are counted.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -80,13 +83,55 @@ fn installed(program: &str) -> bool {
     quiet(Command::new(program).arg("--version")).status().is_ok()
 }
 
+/// The size of the pictures whose camera rays are counted.
+const COUNTED: [u32; 2] = [64, 36];
+
+/// Checks the number of camera rays of the renderers that report it: one for each pixel.
+///
+/// # Errors
+/// The name of a renderer with another number, and that number.
+fn count_camera_rays(stage: Stage, file: &Path, plain: &Plain<'_>, folder: &Path) -> Result<(), String> {
+    let pixels = u64::from(COUNTED[0]) * u64::from(COUNTED[1]);
+    let picture = folder.join(format!("{}-counted.png", stage.name()));
+    let mut ours = canaletto(&beside("canaletto")?, file, &picture, Some(COUNTED), 1);
+    ours.args(["--progress", "json"]).stdin(Stdio::null());
+    let output = ours.output().map_err(|e| e.to_string())?;
+    let reports = String::from_utf8_lossy(&output.stderr);
+    let done = reports.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let done = done.filter(|report| report["event"] == "done").last();
+    let traced = done.and_then(|report| report["rays"]["eye"]["traced"].as_u64());
+    equal_work("canaletto", traced, pixels)?;
+    if installed("povray") {
+        let input = folder.join(format!("{}-counted.pov", stage.name()));
+        write(&input, &povray::scene(plain, COUNTED))?;
+        let output = povray::command(&input, &picture, COUNTED, 1).output().map_err(|e| e.to_string())?;
+        equal_work("povray", povray::camera_rays(&String::from_utf8_lossy(&output.stderr)), pixels)?;
+    }
+    Ok(())
+}
+
+fn equal_work(renderer: &str, camera_rays: Option<u64>, pixels: u64) -> Result<(), String> {
+    match camera_rays {
+        Some(rays) if rays == pixels => Ok(()),
+        Some(rays) => Err(format!("{renderer} traces {rays} camera rays for {pixels} pixels, and others one for each")),
+        None => Err(format!("{renderer} reports no number of camera rays")),
+    }
+}
+
+/// The command that renders a scene with one ray through the centre of each pixel.
 fn canaletto(program: &Path, file: &Path, picture: &Path, size: Option<[u32; 2]>, threads: usize) -> Command {
     let mut command = Command::new(program);
-    command.arg("render").arg(file).args(["--quiet", "--progress", "none", "--threads", &threads.to_string()]);
+    command.arg("render").arg(file).args(["--threads", &threads.to_string()]);
     if let Some([width, height]) = size {
         command.arg("--size").arg(format!("{width}x{height}"));
     }
-    command.arg("-o").arg(picture);
+    command.args(["--pattern", "center"]).arg("-o").arg(picture);
+    command
+}
+
+/// That command without reports.
+fn silent(mut command: Command) -> Command {
+    command.args(["--quiet", "--progress", "none"]);
     command
 }
 
@@ -113,6 +158,7 @@ pub fn run(options: &Options) -> Result<Value, String> {
         let file = stage.file(&folder.0)?;
         let scene = load(&file)?;
         let plain = Plain::new(&scene, options.size)?;
+        count_camera_rays(stage, &file, &plain, &folder.0)?;
         for &threads in &options.threads {
             let renderers = renderers(stage, &file, &plain, threads, &folder.0, mitsuba, options)?;
             rows.extend(compare(stage, renderers, threads, options)?);
@@ -136,7 +182,7 @@ fn renderers<'a>(
     let at = |name: &str| folder.join(format!("{}-{name}", stage.name()));
     let (size, few) = (options.size, options.rounds.min(3));
     let picture = at("ours.png");
-    let ours = move || canaletto(&program, file, &picture, Some(size), threads);
+    let ours = move || silent(canaletto(&program, file, &picture, Some(size), threads));
     let mut all = vec![Renderer::new("ours", options.rounds, ours).like_ours(&at("ours.png"))];
     match super::embree::Embree::new(threads) {
         Ok(_) => {
@@ -241,7 +287,7 @@ pub fn start(threads: &[usize], rounds: usize, clock: Clock) -> Result<Value, St
     let mut rows = Vec::new();
     for &threads in threads {
         let picture = folder.0.join("picture.png");
-        let render = || timed(canaletto(&program, &file, &picture, None, threads), clock);
+        let render = || timed(silent(canaletto(&program, &file, &picture, None, threads)), clock);
         render()?;
         let bytes = std::fs::read(&picture).map_err(|e| e.to_string())?;
         let image = decode(&bytes).map_err(|e| e.to_string())?.image;

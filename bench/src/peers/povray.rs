@@ -23,6 +23,13 @@ pub(super) fn command(file: &Path, picture: &Path, [width, height]: [u32; 2], th
     command
 }
 
+/// The number of camera rays that POV-Ray reports: one in each pixel, and the samples of its anti-aliasing.
+pub(super) fn camera_rays(report: &str) -> Option<u64> {
+    let number_after =
+        |label: &str| report.split_whitespace().skip_while(|word| *word != label).nth(1)?.parse::<u64>().ok();
+    Some(number_after("Pixels:")? + number_after("Samples:")?)
+}
+
 /// The scene in POV-Ray's language. The camera's vectors are explicit, so that its handedness doesn't matter.
 pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
     let Plain { scene, camera, distance, .. } = plain;
