@@ -3,10 +3,10 @@
 //! boundary loses nothing, either. The whole is reciprocal.
 
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
-use super::ggx::Ggx;
+use super::ggx::{Ggx, on_circle};
 use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_dielectric, reflect, refract};
 use crate::OutOfRange;
-use crate::math::{Rgb, warp};
+use crate::math::Rgb;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_PI;
@@ -183,9 +183,9 @@ impl SeenDielectric {
         let i = facets.axes.transpose() * wi;
         let Some(above) = self.bsdf.is_above(wi, i) else { return 0.0 };
         let single = facets.pdf(i);
-        let Some(LostLight { lost, back, .. }) = &facets.lost else { return single };
+        let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
         let share = if above { back.mirrored } else { 1.0 - back.mirrored };
-        single * (1.0 - lost) + lost * share * i.z.abs() * FRAC_1_PI
+        single * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
     }
 
     pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
@@ -196,18 +196,19 @@ impl SeenDielectric {
         let Some(facets) = &self.facets else { return self.bsdf.smooth(wo, u_lobe) };
         let o = facets.wo;
         // The lobe of lost light, or a facet.
-        let (mut lost, mut lost_mirrored) = (0.0, 0.0);
-        if let Some(light) = &facets.lost {
-            (lost, lost_mirrored) = (light.lost, light.lost * light.back.mirrored);
-        }
-        let (is_mirrored, i) = if u_lobe < lost {
-            let is_mirrored = u_lobe < lost_mirrored;
-            let i = warp::cosine_hemisphere(u);
-            (is_mirrored, if is_mirrored { i } else { -i })
-        } else {
-            let m = facets.ggx.sample_visible(o, u);
-            let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
-            (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
+        let lost = facets.lost.as_ref().map_or(0.0, |light| light.lost);
+        let (is_mirrored, i) = match &facets.lost {
+            Some(LostLight { albedo, lost, back }) if u_lobe < *lost => {
+                let is_mirrored = u_lobe < lost * back.mirrored;
+                let cos = albedo.sample_lost(u[1], is_mirrored);
+                let z = if is_mirrored { cos } else { -cos };
+                (is_mirrored, (on_circle(u[0]) * (1.0 - cos * cos).max(0.0).sqrt()).extend(z))
+            }
+            _ => {
+                let m = facets.ggx.sample_visible(o, u);
+                let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
+                (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
+            }
         };
         let wi = (facets.axes * i).normalize();
         if (wi.dot(self.bsdf.frame.facing) > 0.0) != is_mirrored {

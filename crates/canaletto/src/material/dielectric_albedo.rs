@@ -16,16 +16,17 @@
 use super::fresnel_dielectric;
 use super::ggx::{Ggx, Masking, on_circle};
 use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 /// The rows of an index, by roughness √α.
-const ROWS: usize = 28;
+const ROWS: usize = 55;
 /// The columns on each side of the critical angle.
 const COLUMNS: usize = 28;
 /// The facets that a value is the mean of.
 const POINTS: usize = 1597;
-/// The steps between indices. They are equally spaced by (η − 1) / (η + 1), of which η = 1.5 has 16 steps.
-const INDICES: usize = 80;
+/// The steps between indices. They are equally spaced by (η − 1) / (η + 1), of which η = 1.5 has 32 steps.
+const INDICES: usize = 160;
 const _: () = assert!(INDICES.is_multiple_of(5), "η = 1.5 has its own rows");
 
 /// The share of light that one scattering keeps.
@@ -50,6 +51,9 @@ struct Side {
     kept: [[f32; 2]; 2 * COLUMNS],
     /// The mean loss over the cosine-weighted hemisphere.
     loss: f64,
+    /// The parts of it from each column to the next one, and their sum.
+    parts: [f32; 2 * COLUMNS],
+    sum: f64,
 }
 
 /// The albedos of both sides of a boundary of one roughness.
@@ -58,6 +62,7 @@ struct Row {
     sides: [Side; 2],
     /// The mean Fresnel share on the thinner side.
     mean_fresnel: f64,
+    alpha: f64,
 }
 
 /// The cosine of the critical angle on a side of a boundary: 0 on the thinner one.
@@ -82,9 +87,25 @@ fn near(from: f64, most: f64, alpha: f64) -> f64 {
     from / (from + width) * (most + width) / most
 }
 
-/// The cosine at a column, the inverse of [`column_place`].
-fn column_cosine(half: usize, column: usize, critical: f64, alpha: f64) -> f64 {
-    let (place, end) = (column as f64 / (COLUMNS - 1) as f64, if half == 0 { 0.0 } else { 1.0 });
+/// The change of [`near`] with `from`.
+fn slope_near(from: f64, most: f64, alpha: f64) -> f64 {
+    let width = alpha / (1.0 + 8.0 * alpha);
+    width / ((from + width) * (from + width)) * (most + width) / most
+}
+
+/// The change of [`column_place`] with the cosine.
+fn place_slope(cos: f64, critical: f64, alpha: f64) -> f64 {
+    if cos < critical {
+        (slope_near(critical - cos, critical, alpha) + slope_near(cos, critical, alpha) + 1.0 / critical) / 3.0
+    } else {
+        let (from, most) = ((cos - critical).max(1e-12), 1.0 - critical);
+        0.5 * (slope_near(from, most, alpha) + 0.5 / (from * most).sqrt())
+    }
+}
+
+/// The cosine at a place in a half of the columns, the inverse of [`column_place`].
+fn cosine_at(half: usize, place: f64, critical: f64, alpha: f64) -> f64 {
+    let end = if half == 0 { 0.0 } else { 1.0 };
     let (mut start, mut end) = (critical, end);
     for _ in 0..48 {
         let middle = 0.5 * (start + end);
@@ -135,13 +156,22 @@ impl Side {
         let alpha = ggx.alpha[0];
         // Both halves of the facets are mirror images.
         let facets = facets(POINTS, 0.5);
-        let mut side = Side { kept: [[0.0; 2]; 2 * COLUMNS], loss: 0.0 };
+        let mut side = Side { kept: [[0.0; 2]; 2 * COLUMNS], loss: 0.0, parts: [0.0; 2 * COLUMNS], sum: 0.0 };
         for half in usize::from(!is_denser)..2 {
+            let mut before = (0.0, 0.0);
             for column in 0..COLUMNS {
-                let cos = column_cosine(half, column, critical, alpha).clamp(1e-6, 1.0);
+                let place = column as f64 / (COLUMNS - 1) as f64;
+                let cos = cosine_at(half, place, critical, alpha).clamp(1e-6, 1.0);
                 let wo = DVec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
                 let kept = kept(wo, eta_ratio, ggx, &facets);
                 side.kept[half * COLUMNS + column] = [kept.mirrored as f32, kept.refracted as f32];
+                let lost = (1.0 - kept.total()).max(1e-4);
+                if column > 0 {
+                    let part = 0.5 * (lost + before.0) * (cos * cos - before.1).abs();
+                    side.parts[half * COLUMNS + column - 1] = part as f32;
+                    side.sum += f64::from(part as f32);
+                }
+                before = (lost, cos * cos);
             }
         }
         // ∫ (1 − E(µ)) 2µ dµ, with finer steps at small µ.
@@ -174,7 +204,11 @@ impl Row {
             .sum::<f64>()
             / f64::from(STEPS);
         let ggx = Ggx::isotropic(row_alpha(row), masking);
-        Row { sides: [false, true].map(|is_denser| Side::new(eta, is_denser, &ggx)), mean_fresnel }
+        Row {
+            sides: [false, true].map(|is_denser| Side::new(eta, is_denser, &ggx)),
+            mean_fresnel,
+            alpha: row_alpha(row),
+        }
     }
 
     fn get(index: usize, row: usize, masking: Masking) -> &'static Row {
@@ -250,11 +284,57 @@ impl DielectricAlbedo {
 
     /// How the lost light is given back.
     pub(super) fn given_back(&self) -> GivenBack {
-        let loss = |is_denser: bool| self.interpolate(|row| row.sides[usize::from(is_denser)].loss).max(1e-12);
+        // The losses over √α are most nearly the means of what is interpolated between rows.
+        let loss = |is_denser: bool| {
+            let mean = self.interpolate(|row| row.sides[usize::from(is_denser)].loss / row.alpha.sqrt());
+            (mean * self.alpha.sqrt()).max(1e-12)
+        };
         let (own, other) = (loss(self.is_denser), loss(!self.is_denser));
         let passed = 1.0 - self.interpolate(|row| row.mean_fresnel);
         let passed = if self.is_denser { passed / (self.eta * self.eta) } else { passed };
         GivenBack { mirrored: 1.0 - passed * own.min(other) / own, losses: [own, other] }
+    }
+}
+
+impl DielectricAlbedo {
+    /// The part of the loss on a side that lies between a column and the next one, and the whole.
+    fn part(&self, is_denser: bool, column: usize) -> [f64; 2] {
+        let side = |row: &'static Row| &row.sides[usize::from(is_denser)];
+        let parts = self
+            .rows
+            .iter()
+            .flatten()
+            .map(|(row, share)| [side(row).parts[column].into(), side(row).sum].map(|v: f64| v * share));
+        parts.fold([0.0; 2], |[a, b], [part, sum]| [a + part, b + sum])
+    }
+
+    /// The cosine at `u` of [0, 1) by which lost light is given back on a side, nearly in proportion to the loss.
+    pub(super) fn sample_lost(&self, u: f64, viewers_side: bool) -> f64 {
+        let is_denser = self.is_denser == viewers_side;
+        let mut rest = u * self.part(is_denser, 0)[1];
+        let mut last = (COLUMNS, 0.0);
+        for column in (0..2 * COLUMNS - 1).filter(|column| is_denser || *column >= COLUMNS) {
+            let [part, _] = self.part(is_denser, column);
+            if part > 0.0 {
+                last = (column, (rest / part).min(1.0));
+            }
+            if rest < part {
+                break;
+            }
+            rest -= part;
+        }
+        let (half, place) = (last.0 / COLUMNS, ((last.0 % COLUMNS) as f64 + last.1) / (COLUMNS - 1) as f64);
+        cosine_at(half, place, critical(self.eta, is_denser), self.alpha)
+    }
+
+    /// The density of [`DielectricAlbedo::sample_lost`]'s directions per unit of solid angle.
+    pub(super) fn lost_pdf(&self, cos: f64, viewers_side: bool) -> f64 {
+        let is_denser = self.is_denser == viewers_side;
+        let critical = critical(self.eta, is_denser);
+        let (half, place) = column_place(cos, critical, self.alpha);
+        let column = ((place * (COLUMNS - 1) as f64) as usize).min(COLUMNS - 2);
+        let [part, sum] = self.part(is_denser, half * COLUMNS + column);
+        part / sum * (COLUMNS - 1) as f64 * place_slope(cos, critical, self.alpha) / TAU
     }
 }
 
@@ -287,7 +367,7 @@ mod tests {
                             [table.kept(cos, true), kept(DVec3::new(sin, 0.0, cos), ratio, &ggx, &facets)];
                         let off = [ours.total() - exact.total(), ours.mirrored - exact.mirrored];
                         assert!(
-                            off[0].abs() < 2.5e-3,
+                            off[0].abs() < 2e-3,
                             "η {ratio}, roughness {roughness}, {degrees}°: {ours:?} {exact:?}"
                         );
                         assert!(

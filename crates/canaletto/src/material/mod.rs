@@ -21,6 +21,8 @@ mod phong_bsdf;
 mod refract;
 mod standard;
 mod texture_use;
+#[cfg(test)]
+mod weight_tests;
 
 pub(crate) use bsdf::SeenBsdf;
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};

@@ -56,7 +56,7 @@ pub enum PathEvent<'a> {
     Dispersed {
         /// The channel.
         channel: PathChannel,
-        /// The factor of the throughput: 3 in the channel, and 0 in the others.
+        /// The factor of the throughput in the channel: the sum of all three over this one. It is 0 in the others.
         factor: Rgb,
     },
     /// The path goes straight on through the surface.

@@ -514,9 +514,20 @@ impl PathTracer<'_> {
     fn disperse<P: Probe>(&self, path: &mut Path, met: &VisibleHit, probe: &mut P) {
         let standard = &self.world.material(&met.hit).standard;
         if path.channel.is_none() && standard.as_ref().is_some_and(|surface| surface.is_dispersive()) {
-            let channel = ((path.sample.one(path.place.of(uses::CHANNEL)) * 3.0) as usize).min(2);
+            // Each as often as the throughput has it, so that those that are left out take little light with them.
+            let shares = path.throughput.to_array().map(f64::from);
+            let sum: f64 = shares.iter().sum();
+            if sum == 0.0 {
+                return;
+            }
+            let u = path.sample.one(path.place.of(uses::CHANNEL)) * sum;
+            let channel = match shares {
+                [r, g, b] if b > 0.0 && u >= r + g => 2,
+                [r, g, _] if g > 0.0 && u >= r => 1,
+                _ => 0,
+            };
             let mut one = [0.0; 3];
-            one[channel] = 3.0;
+            one[channel] = (sum / shares[channel]) as f32;
             let factor = Rgb::from(one);
             path.throughput = path.throughput * factor;
             path.channel = Some(channel);

@@ -131,13 +131,23 @@ impl StandardBsdf {
         self.alpha[0] == 0.0
     }
 
+    /// Whether facets bend no light that passes them, though they mirror to all sides.
+    pub(super) fn goes_straight(&self) -> bool {
+        !self.is_smooth() && !self.thin_walled && self.eta_ratio == 1.0
+    }
+
+    /// Whether rough facets refract light.
+    fn refracts(&self) -> bool {
+        self.clear > 0.0 && !self.thin_walled && !self.goes_straight()
+    }
+
     /// Whether a lobe is a single direction.
     fn is_delta_layer(&self, layer: Layer) -> bool {
         match layer {
             Layer::Fuzz | Layer::Diffuse | Layer::Translucent => false,
             Layer::Coat => self.coat.alpha[0] == 0.0,
-            Layer::Metal | Layer::Gloss => self.is_smooth(),
-            Layer::Clear => self.is_smooth() || !self.thin_walled && self.eta_ratio == 1.0,
+            Layer::Facets => self.is_smooth(),
+            Layer::Straight => true,
         }
     }
 
@@ -154,7 +164,7 @@ impl StandardBsdf {
     }
 
     /// The share that a facet of a dielectric base mirrors; of a thin wall, with all reflections inside it.
-    fn gloss_fresnel(&self, cos: f64) -> Rgb {
+    pub(super) fn gloss_fresnel(&self, cos: f64) -> Rgb {
         let single = self.dielectric_fresnel(cos);
         if !self.thin_walled {
             return single;
@@ -165,6 +175,22 @@ impl StandardBsdf {
     /// The share that passes a facet of a dielectric base; of a thin wall, both its sides.
     fn clear_fresnel(&self, cos: f64) -> Rgb {
         self.dielectric_fresnel(cos).map(|f| if self.thin_walled { (1.0 - f) / (1.0 + f) } else { 1.0 - f })
+    }
+
+    /// The share that a facet of the base mirrors.
+    fn mirrored(&self, layers: &Layers, cos: f64) -> Rgb {
+        let gloss = self.gloss_fresnel(cos) * layers.gloss_share;
+        if self.metalness > 0.0 { gloss + self.metal_fresnel(cos) * layers.metal_share } else { gloss }
+    }
+
+    /// The probability that a chosen facet mirrors. Otherwise light passes it.
+    fn mirror_probability(&self, layers: &Layers, cos: f64) -> f64 {
+        if self.clear == 0.0 || self.goes_straight() {
+            return 1.0;
+        }
+        let [mirrored, passed] = [self.mirrored(layers, cos), self.clear_fresnel(cos) * layers.clear_share]
+            .map(|share| f64::from(share.max_component()));
+        if passed > 0.0 { mirrored / (mirrored + passed) } else { 1.0 }
     }
 
     /// The share of light that the coat's colour leaves on its way in, out, or both.
@@ -202,18 +228,14 @@ impl StandardBsdf {
         let mut base = diffuse::eval(self.diffuse, self.diffuse_roughness.into(), wo, wi) * layers.diffuse_share
             + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
         if !self.is_smooth() {
-            let mut share = self.gloss_fresnel(cos) * layers.gloss_share;
-            if self.metalness > 0.0 {
-                share += self.metal_fresnel(cos) * layers.metal_share;
-            }
-            base += share * facets(&self.ggx()) as f32;
+            base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;
         }
         f + self.below(layers, &[wo.z, wi.z]) * base
     }
 
     /// What passes the clear part of the base, without the layers over it.
     fn eval_clear(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> Rgb {
-        if self.clear == 0.0 || self.is_delta_layer(Layer::Clear) {
+        if self.clear == 0.0 || self.is_smooth() || self.goes_straight() {
             return Rgb::BLACK;
         }
         let ggx = self.ggx();
@@ -249,32 +271,50 @@ impl StandardBsdf {
         };
         if wi.z <= 0.0 {
             add(Layer::Translucent, &|| -wi.z * FRAC_1_PI);
-            add(Layer::Clear, &|| self.clear_pdf(wo, wi));
+            add(Layer::Facets, &|| self.clear_pdf(layers, wo, wi));
             return sum;
         }
         let m = (wo + wi).normalize();
         add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
         add(Layer::Coat, &|| self.coat_ggx().mirrored_pdf(wo, m));
         add(Layer::Diffuse, &|| wi.z * FRAC_1_PI);
-        add(Layer::Metal, &|| self.ggx().mirrored_pdf(wo, m));
-        add(Layer::Gloss, &|| self.ggx().mirrored_pdf(wo, m));
+        add(Layer::Facets, &|| {
+            let cos = wo.dot(m);
+            let density = match self.refracts() {
+                true => self.ggx().visible_pdf(wo, m) / (4.0 * cos),
+                false => self.ggx().mirrored_pdf(wo, m),
+            };
+            density * self.mirror_probability(layers, cos)
+        });
         sum
     }
 
-    /// The density of directions through the clear base.
-    fn clear_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        if self.thin_walled {
-            let wi = wi * DVec3::new(1.0, 1.0, -1.0);
-            return self.ggx().mirrored_pdf(wo, (wo + wi).normalize());
+    /// The density of directions through the clear base, if a facet is chosen.
+    fn clear_pdf(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> f64 {
+        if self.clear == 0.0 || self.goes_straight() {
+            return 0.0;
         }
-        self.refracting_facet(wo, wi).map_or(0.0, |(m, jacobian)| self.ggx().visible_pdf(wo, m) * jacobian)
+        let (m, density) = if self.thin_walled {
+            let m = (wo + wi * DVec3::new(1.0, 1.0, -1.0)).normalize();
+            (m, self.ggx().mirrored_pdf(wo, m))
+        } else {
+            let Some((m, jacobian)) = self.refracting_facet(wo, wi) else { return 0.0 };
+            (m, self.ggx().visible_pdf(wo, m) * jacobian)
+        };
+        density * (1.0 - self.mirror_probability(layers, wo.dot(m)))
     }
 
-    /// The direction of a lobe that has only one, with its factor.
-    fn smooth(&self, wo: DVec3, normal: DVec3, layers: &Layers, layer: Layer) -> Option<(DVec3, Rgb)> {
+    /// The direction of a lobe that has only one, with its factor. `passes` tells that light passes the base.
+    fn smooth(
+        &self,
+        wo: DVec3,
+        normal: DVec3,
+        layers: &Layers,
+        (layer, passes): (Layer, bool),
+    ) -> Option<(DVec3, Rgb)> {
         let facing = self.frame.facing;
         let cos = wo.dot(normal);
-        if layer == Layer::Clear {
+        if passes {
             let factor = layers.clear_share * self.below(layers, &[cos]) * self.clear_fresnel(cos);
             if self.thin_walled || self.eta_ratio == 1.0 {
                 return Some((-wo, factor));
@@ -289,8 +329,7 @@ impl StandardBsdf {
             Layer::Coat => {
                 Rgb::gray((layers.coat_share * fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior))) as f32)
             }
-            Layer::Metal => layers.metal_share * self.metal_fresnel(cos) * self.below(layers, &[cos, cos]),
-            _ => layers.gloss_share * self.gloss_fresnel(cos) * self.below(layers, &[cos, cos]),
+            _ => self.mirrored(layers, cos) * self.below(layers, &[cos, cos]),
         };
         Some((wi, factor))
     }
@@ -329,30 +368,45 @@ impl SeenStandard {
 
     pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         let SeenStandard { bsdf, wo, axes, local: o, layers } = self;
-        let (o, layer) = (*o, layers.choose(u_lobe)?);
-        let lobe = match layer {
-            Layer::Fuzz | Layer::Diffuse | Layer::Translucent => Lobe::Diffuse,
-            Layer::Coat | Layer::Metal | Layer::Gloss => Lobe::Mirror,
-            Layer::Clear => Lobe::Refraction,
-        };
+        let (o, (layer, u_facet)) = (*o, layers.choose(u_lobe)?);
+        let mirrors = |cos: f64| u_facet < bsdf.mirror_probability(layers, cos);
         if bsdf.is_delta_layer(layer) {
-            return bsdf.smooth(*wo, axes.z_axis, layers, layer).map(|(wi, f)| {
-                let pdf = layers.probability(layer);
+            let share = if layer == Layer::Facets { bsdf.mirror_probability(layers, o.z) } else { 1.0 };
+            let passes = layer == Layer::Straight || layer == Layer::Facets && u_facet >= share;
+            let (lobe, share) = match passes {
+                true if layer == Layer::Facets => (Lobe::Refraction, 1.0 - share),
+                true => (Lobe::Refraction, 1.0),
+                false => (Lobe::Mirror, share),
+            };
+            return bsdf.smooth(*wo, axes.z_axis, layers, (layer, passes)).map(|(wi, f)| {
+                let pdf = layers.probability(layer) * share;
                 BsdfSample { wi, f, pdf, lobe, is_delta: true }
             });
         }
-        let i = match layer {
-            Layer::Fuzz => layers.fuzz?.sample(u),
-            Layer::Diffuse => warp::cosine_hemisphere(u),
-            Layer::Translucent => -warp::cosine_hemisphere(u),
-            Layer::Coat => reflect(o, bsdf.coat_ggx().sample_mirroring(o, u)),
-            Layer::Metal | Layer::Gloss => reflect(o, bsdf.ggx().sample_mirroring(o, u)),
-            Layer::Clear if bsdf.thin_walled => {
-                reflect(o, bsdf.ggx().sample_mirroring(o, u)) * DVec3::new(1.0, 1.0, -1.0)
+        let (lobe, i) = match layer {
+            Layer::Fuzz => (Lobe::Diffuse, layers.fuzz?.sample(u)),
+            Layer::Diffuse => (Lobe::Diffuse, warp::cosine_hemisphere(u)),
+            Layer::Translucent => (Lobe::Diffuse, -warp::cosine_hemisphere(u)),
+            Layer::Coat => (Lobe::Mirror, reflect(o, bsdf.coat_ggx().sample_mirroring(o, u))),
+            Layer::Straight => return None,
+            Layer::Facets if bsdf.refracts() => {
+                let m = bsdf.ggx().sample_visible(o, u);
+                match mirrors(o.dot(m)) {
+                    true => (Lobe::Mirror, reflect(o, m)),
+                    false => (Lobe::Refraction, refract(o, m, bsdf.eta_ratio)?),
+                }
             }
-            Layer::Clear => refract(o, bsdf.ggx().sample_visible(o, u), bsdf.eta_ratio)?,
+            Layer::Facets => {
+                let m = bsdf.ggx().sample_mirroring(o, u);
+                let mirrored = reflect(o, m);
+                match mirrors(o.dot(m)) {
+                    true => (Lobe::Mirror, mirrored),
+                    false if mirrored.z > 0.0 => (Lobe::Refraction, mirrored * DVec3::new(1.0, 1.0, -1.0)),
+                    false => return None,
+                }
+            }
         };
-        let goes_through = matches!(layer, Layer::Translucent | Layer::Clear);
+        let goes_through = layer == Layer::Translucent || lobe == Lobe::Refraction;
         let wi = (*axes * i).normalize();
         let local = self.local(wi).filter(|local| (local.wi.z < 0.0) == goes_through)?;
         let pdf = bsdf.pdf_local(layers, &local);

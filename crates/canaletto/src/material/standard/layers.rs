@@ -32,19 +32,19 @@ pub(super) fn weighted_ior(eta: f64, weight: f64) -> f64 {
 pub(super) enum Layer {
     Fuzz,
     Coat,
-    Metal,
-    /// The reflection of a dielectric base.
-    Gloss,
+    /// The facets of the base. A facet is chosen first, and then what it does: it mirrors as metal and dielectric do, or
+    /// it lets light through the clear part.
+    Facets,
     Diffuse,
-    /// The clear part of a dielectric base.
-    Clear,
+    /// The clear part of a dielectric base whose rough facets bend no light.
+    Straight,
     /// Diffuse transmission through a thin wall.
     Translucent,
 }
 
 impl Layer {
-    pub(super) const ALL: [Layer; 7] =
-        [Layer::Fuzz, Layer::Coat, Layer::Metal, Layer::Gloss, Layer::Diffuse, Layer::Clear, Layer::Translucent];
+    pub(super) const ALL: [Layer; 6] =
+        [Layer::Fuzz, Layer::Coat, Layer::Facets, Layer::Diffuse, Layer::Straight, Layer::Translucent];
 }
 
 /// The layers as they are seen from one direction.
@@ -66,20 +66,37 @@ pub(super) struct Layers {
     pub(super) diffuse_share: Rgb,
     pub(super) translucent_share: Rgb,
     /// The cumulative probabilities of the lobes, in the order of [`Layer::ALL`].
-    sums: [f64; 7],
+    sums: [f64; 6],
 }
 
 impl Layers {
+    /// The sum of the probabilities of the lobes before this one.
+    fn before(&self, layer: usize) -> f64 {
+        if layer == 0 { 0.0 } else { self.sums[layer - 1] }
+    }
+
     /// The probability of a lobe.
     pub(super) fn probability(&self, layer: Layer) -> f64 {
         let i = layer as usize;
-        self.sums[i] - if i == 0 { 0.0 } else { self.sums[i - 1] }
+        self.sums[i] - self.before(i)
     }
 
-    /// The lobe at `u` of [0, 1); none if the surface scatters nothing.
-    pub(super) fn choose(&self, u: f64) -> Option<Layer> {
-        self.sums.iter().position(|sum| u < *sum).map(|i| Layer::ALL[i])
+    /// The lobe at `u` of [0, 1), and the place of `u` among the numbers that lead to it; none if the surface scatters
+    /// nothing.
+    pub(super) fn choose(&self, u: f64) -> Option<(Layer, f64)> {
+        let i = self.sums.iter().position(|sum| u < *sum)?;
+        let before = self.before(i);
+        Some((Layer::ALL[i], (u - before) / (self.sums[i] - before)))
     }
+}
+
+/// The least probability of rough facets, as a share of what the most grazed of them mirrors. Few facets are grazed, and
+/// a direction that is found rarely must not weigh much more than others.
+const OF_GRAZED: f64 = 0.25;
+
+/// The cosine at the most grazed facet that mirrors light to a viewer at this cosine: at half the angle to the horizon.
+fn grazed_cosine(cos: f64) -> f64 {
+    (0.5 * (1.0 - (1.0 - cos * cos).max(0.0).sqrt())).sqrt()
 }
 
 fn lerp(a: Rgb, b: Rgb, t: f64) -> Rgb {
@@ -180,11 +197,14 @@ impl StandardBsdf {
         let fuzz_share = self.fuzz.color * covered as f32;
         // Coat
         let share = f64::from(self.coat.weight);
-        let (mut coat_share, mut coat_albedo, mut darkened) = (0.0, 0.0, Rgb::WHITE);
+        let (mut coat_share, mut coat_albedo, mut coat_grazed, mut darkened) = (0.0, 0.0, 0.0, Rgb::WHITE);
         if share > 0.0 {
             let kept = kept(wo, 1.0 / f64::from(self.coat.ior), &self.coat_ggx());
             coat_albedo = kept.mirrored / kept.total();
             coat_share = (1.0 - covered) * share / kept.total();
+            if self.coat.alpha[0] > 0.0 {
+                coat_grazed = OF_GRAZED * fresnel_dielectric(grazed_cosine(cos), 1.0 / f64::from(self.coat.ior));
+            }
             darkened = lerp(Rgb::WHITE, self.darkening(cos), share * f64::from(self.coat.darkening));
         }
         let bare = darkened * (1.0 - covered) as f32;
@@ -218,13 +238,26 @@ impl StandardBsdf {
         let base = below[0] + below[1] * self.coat.color;
         let size = |color: Rgb| f64::from(color.max_component());
         let passed = (Rgb::WHITE - gloss).map(|v| v.max(refracted as f32));
+        let mirrors = |metal: Rgb, gloss: Rgb| {
+            size(base * metal) * metalness * f64::from(self.metal_weight)
+                + size(base * gloss * self.specular_tint) * dielectric
+        };
+        let grazed = grazed_cosine(cos);
+        let mirrored = match self.is_smooth() {
+            true => mirrors(self.metal_fresnel(cos), gloss),
+            false => {
+                let most = mirrors(self.metal_fresnel(grazed), self.gloss_fresnel(grazed));
+                mirrors(self.metal_fresnel(cos), gloss).max(most * OF_GRAZED)
+            }
+        };
+        let through = size(base * self.clear_tint * passed) * dielectric * clear;
+        let [through, straight] = if self.goes_straight() { [0.0, through] } else { [through, 0.0] };
         let albedos = [
             size(fuzz_share),
-            (1.0 - covered) * share * coat_albedo,
-            size(base * self.metal_fresnel(cos)) * metalness * f64::from(self.metal_weight),
-            size(base * gloss * self.specular_tint) * dielectric,
+            (1.0 - covered) * share * coat_albedo.max(coat_grazed),
+            mirrored + through,
             size(base * (diffuse_share * self.diffuse + translucent_share)),
-            size(base * self.clear_tint * passed) * dielectric * clear,
+            straight,
             size(base * translucent_share),
         ];
         let total: f64 = albedos.iter().sum();
