@@ -52,14 +52,28 @@ impl ScatteringFrame {
     /// The axes of microfacets that are alike in all directions, for these normals.
     #[inline(always)]
     pub(crate) fn isotropic_facet_axes(normal: DVec3, facing: DVec3, wo: DVec3) -> DMat3 {
-        let z = select(wo.dot(normal) > 0.0, normal, facing);
+        let z = ScatteringFrame::seen_normal(normal, facing, wo);
         let x = z.any_orthonormal_vector();
         DMat3::from_cols(x, z.cross(x), z)
     }
 
+    /// The shading normal on the side of `wo`. One that leans away from `wo` is mirrored to lean as much towards it, so
+    /// that nothing jumps where a surface bends out of sight.
+    #[inline(always)]
+    fn seen_normal(normal: DVec3, facing: DVec3, wo: DVec3) -> DVec3 {
+        let cos = wo.dot(normal);
+        let towards = select(cos > 0.0, normal, normal - wo * (2.0 * cos));
+        select(cos.abs() > SEEN_EDGE_ON, towards, facing)
+    }
+
     /// The normal around which microfacets are distributed. It is on the side of `wo`.
     pub(super) fn facet_normal(&self, wo: DVec3) -> DVec3 {
-        if wo.dot(self.normal) > 0.0 { self.normal } else { self.facing }
+        ScatteringFrame::seen_normal(self.normal, self.facing, wo)
+    }
+
+    /// Whether the shading normal is not the geometric one.
+    pub(super) fn is_bent(&self) -> bool {
+        self.normal != self.facing
     }
 
     /// The axes of the microfacets as columns; z is their normal.
@@ -71,6 +85,16 @@ impl ScatteringFrame {
         let x = self.tangent.reject_from_normalized(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
         DMat3::from_cols(x, z.cross(x), z)
     }
+}
+
+/// The cosine below which a shading normal is at right angles to the viewer, so that the geometric one is taken.
+const SEEN_EDGE_ON: f64 = 1e-9;
+
+/// The direction on the other side of a surface with this unit normal, by the same angle. What facets send to the wrong
+/// side of the geometric surface goes there, since the surface around them mirrors it, or lets it through.
+#[inline(always)]
+pub(super) fn mirrored_at(facing: DVec3, wi: DVec3) -> DVec3 {
+    wi - facing * (2.0 * wi.dot(facing))
 }
 
 /// A random direction of scattering.

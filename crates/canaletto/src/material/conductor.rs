@@ -4,11 +4,12 @@
 //! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part
 //! is not reciprocal.
 
+use super::bsdf::mirrored_at;
 use super::conductor_albedo::conductor_albedo;
 use super::ggx::{Ggx, Masking, on_circle};
 use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
-use crate::math::Rgb;
+use crate::math::{Rgb, select};
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -142,6 +143,7 @@ impl ConductorBsdf {
             k: point.k,
             ggx: Ggx::isotropic(point.alpha, point.microfacets.masking),
             facing: frame.facing,
+            may_be_bent: frame.is_bent(),
             axes,
             wo: local,
             returned: point.returned(local.z),
@@ -165,6 +167,8 @@ pub(crate) struct MetalFacets {
     pub(crate) ggx: Ggx,
     /// The geometric normal on the viewer's side.
     pub(crate) facing: DVec3,
+    /// Whether the facets' own normal may be another one, here or at a vertex beside this one.
+    pub(crate) may_be_bent: bool,
     /// The axes of the facets as columns, and the viewer's direction in them.
     pub(crate) axes: DMat3,
     pub(crate) wo: DVec3,
@@ -185,17 +189,51 @@ impl MetalFacets {
 
     #[inline(always)]
     pub(crate) fn eval(&self, wi: DVec3) -> Rgb {
+        let f = self.eval_facets(wi);
+        let (mut r, mut g, mut b) = (f.r, f.g, f.b);
+        if self.may_be_bent {
+            let (f, is_bent) = (self.eval_facets(mirrored_at(self.facing, wi)), self.is_bent());
+            (r, g, b) = (
+                if is_bent { r + f.r } else { r },
+                if is_bent { g + f.g } else { g },
+                if is_bent { b + f.b } else { b },
+            );
+        }
         let is_above = wi.dot(self.facing) > 0.0;
+        Rgb { r: if is_above { r } else { 0.0 }, g: if is_above { g } else { 0.0 }, b: if is_above { b } else { 0.0 } }
+    }
+
+    /// Whether the facets' own normal isn't the geometric one.
+    #[inline(always)]
+    fn is_bent(&self) -> bool {
+        let (own, facing) = (self.axes.z_axis, self.facing);
+        (own.x != facing.x) | (own.y != facing.y) | (own.z != facing.z)
+    }
+
+    /// What facets send in a direction on either side of the geometric surface.
+    #[inline(always)]
+    fn eval_facets(&self, wi: DVec3) -> Rgb {
         let (wi, m) = self.local(wi);
         // F D G₂ / (4 wo·n)
         let facets = self.ggx.d(m) * self.ggx.g2(self.wo, wi) / (4.0 * self.wo.z);
-        let is_lit = is_above & (wi.z > 0.0) & (m.z > 0.0);
+        let is_lit = (wi.z > 0.0) & (m.z > 0.0);
         let f = fresnel_conductor(self.wo.dot(m), self.eta, self.k) * facets as f32 * self.returned;
         Rgb { r: if is_lit { f.r } else { 0.0 }, g: if is_lit { f.g } else { 0.0 }, b: if is_lit { f.b } else { 0.0 } }
     }
 
     #[inline(always)]
     pub(crate) fn pdf(&self, wi: DVec3) -> f64 {
+        let mut pdf = self.pdf_facets(wi);
+        if self.may_be_bent {
+            let mirrored = self.pdf_facets(mirrored_at(self.facing, wi));
+            pdf = if self.is_bent() { pdf + mirrored } else { pdf };
+        }
+        if wi.dot(self.facing) > 0.0 { pdf } else { 0.0 }
+    }
+
+    /// The density of the directions that facets send light to, on either side of the geometric surface.
+    #[inline(always)]
+    fn pdf_facets(&self, wi: DVec3) -> f64 {
         let (wi, m) = self.local(wi);
         let pdf = self.ggx.mirrored_pdf(self.wo, m);
         if (wi.z > 0.0) & (m.z > 0.0) { pdf } else { 0.0 }
@@ -205,7 +243,10 @@ impl MetalFacets {
     /// axis, and below `u` of its area.
     #[inline(always)]
     pub(crate) fn direction(&self, circle: DVec2, u: f64) -> DVec3 {
-        (self.axes * reflect(self.wo, self.ggx.mirroring_at(self.wo, circle, u))).normalize()
+        let local = reflect(self.wo, self.ggx.mirroring_at(self.wo, circle, u));
+        let wi = (self.axes * local).normalize();
+        let is_through = (local.z > 0.0) & (wi.dot(self.facing) < 0.0) & self.is_bent();
+        select(is_through, mirrored_at(self.facing, wi), wi)
     }
 }
 
@@ -228,7 +269,8 @@ impl SeenConductor {
         let Some(facets) = facets else {
             let normal = frame.facet_normal(*wo);
             let mirrored = reflect(*wo, normal);
-            let wi = if mirrored.dot(frame.facing) > 0.0 { mirrored } else { reflect(*wo, frame.facing) };
+            let is_above = mirrored.dot(frame.facing) > 0.0;
+            let wi = if is_above { mirrored } else { mirrored_at(frame.facing, mirrored) };
             let f = fresnel_conductor(wo.dot(normal), point.eta, point.k);
             return Some(BsdfSample { wi, f, pdf: 1.0, lobe, is_delta: true });
         };

@@ -2,6 +2,7 @@
 //! microfacets (Walter et al. 2007). Light that goes from facet to facet is given back on both sides, so that a rough
 //! boundary loses nothing, either. The whole is reciprocal.
 
+use super::bsdf::mirrored_at;
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::{Ggx, on_circle};
 use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_dielectric, reflect, refract};
@@ -57,6 +58,11 @@ impl DielectricBsdf {
         self.frame.eta_ratio == 1.0
     }
 
+    #[cfg(test)]
+    pub(super) fn eta_ratio(&self) -> f64 {
+        self.frame.eta_ratio
+    }
+
     pub(super) fn is_delta(&self) -> bool {
         self.alpha == 0.0 || self.is_index_matched()
     }
@@ -68,12 +74,6 @@ impl DielectricBsdf {
     fn albedo(&self) -> Option<DielectricAlbedo> {
         let options = self.microfacets;
         options.multiple_scattering.then(|| DielectricAlbedo::new(self.frame.eta_ratio, self.alpha, options.masking))
-    }
-
-    /// Whether a direction is on the viewer's side of the surface; none if the shading normal says otherwise.
-    fn is_above(&self, wi: DVec3, local: DVec3) -> Option<bool> {
-        let above = wi.dot(self.frame.facing) > 0.0;
-        ((local.z > 0.0) == above).then_some(above)
     }
 
     /// Radiance is squeezed with the solid angle where light enters a denser medium: (ηₒ/ηᵢ)².
@@ -90,7 +90,7 @@ impl DielectricBsdf {
         let bent = |m: DVec3| if is_mirrored { Some(reflect(wo, m)) } else { refract(wo, m, ratio) };
         let wi = bent(normal)?;
         let stays = (wi.dot(facing) > 0.0) == is_mirrored;
-        let wi = if stays { wi } else { bent(facing).unwrap_or(-facing) };
+        let wi = if stays { wi } else { mirrored_at(facing, wi) };
         let f = Rgb::gray((pdf * self.radiance_scale(wi.dot(facing) > 0.0)) as f32);
         Some(BsdfSample { wi, f, pdf, lobe, is_delta: true })
     }
@@ -167,25 +167,38 @@ impl SeenDielectric {
 
     pub(super) fn eval(&self, wi: DVec3) -> Rgb {
         let Some(facets) = &self.facets else { return Rgb::BLACK };
-        let i = facets.axes.transpose() * wi;
-        let Some(above) = self.bsdf.is_above(wi, i) else { return Rgb::BLACK };
-        let mut f = facets.pdf(i) * facets.ggx.shadowing(facets.wo, i);
-        if let Some(LostLight { albedo, lost, back }) = &facets.lost {
+        let above = wi.dot(self.bsdf.frame.facing) > 0.0;
+        let f = self.both(facets, wi, |i| {
+            let single = facets.pdf(i) * facets.ggx.shadowing(facets.wo, i);
+            let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
             let (share, loss) =
                 if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
-            f += lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI;
-        }
+            single + lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI
+        });
         Rgb::gray((f * self.bsdf.radiance_scale(above)) as f32)
+    }
+
+    /// The sum of a function over the directions of the facets' own frame that lead to a direction: itself, and the one
+    /// that is mirrored at the geometric surface.
+    fn both(&self, facets: &BoundaryFacets, wi: DVec3, of: impl Fn(DVec3) -> f64) -> f64 {
+        let facing = self.bsdf.frame.facing;
+        let above = wi.dot(facing) > 0.0;
+        let one = |wi: DVec3| {
+            let i = facets.axes.transpose() * wi;
+            if (i.z > 0.0) == above { of(i) } else { 0.0 }
+        };
+        if self.bsdf.frame.is_bent() { one(wi) + one(mirrored_at(facing, wi)) } else { one(wi) }
     }
 
     pub(super) fn pdf(&self, wi: DVec3) -> f64 {
         let Some(facets) = &self.facets else { return 0.0 };
-        let i = facets.axes.transpose() * wi;
-        let Some(above) = self.bsdf.is_above(wi, i) else { return 0.0 };
-        let single = facets.pdf(i);
-        let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
-        let share = if above { back.mirrored } else { 1.0 - back.mirrored };
-        single * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
+        let above = wi.dot(self.bsdf.frame.facing) > 0.0;
+        self.both(facets, wi, |i| {
+            let single = facets.pdf(i);
+            let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
+            let share = if above { back.mirrored } else { 1.0 - back.mirrored };
+            single * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
+        })
     }
 
     pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
@@ -210,10 +223,11 @@ impl SeenDielectric {
                 (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
             }
         };
-        let wi = (facets.axes * i).normalize();
-        if (wi.dot(self.bsdf.frame.facing) > 0.0) != is_mirrored {
+        if (i.z > 0.0) != is_mirrored {
             return None;
         }
+        let (wi, facing) = ((facets.axes * i).normalize(), self.bsdf.frame.facing);
+        let wi = if (wi.dot(facing) > 0.0) == is_mirrored { wi } else { mirrored_at(facing, wi) };
         let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
         let pdf = self.pdf(wi);
         (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })

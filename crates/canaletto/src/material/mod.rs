@@ -1,5 +1,7 @@
 //! Materials: how surfaces respond to light.
 
+#[cfg(test)]
+mod bent_tests;
 mod bsdf;
 #[cfg(test)]
 mod bsdf_tests;

@@ -2,12 +2,14 @@
 
 use super::tests::{PATH, mean, node};
 use crate::material::{
-    Dielectric, Material, Phong, StandardBase, StandardCoat, StandardSpecular, StandardSurface, StandardTransmission,
+    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardSpecular, StandardSurface,
+    StandardTransmission, Target, TextureUse,
 };
 use crate::math::Rgb;
-use crate::scene::Scene;
-use crate::shape::{Cuboid, Shape, Sphere};
-use glam::Vec3;
+use crate::scene::{Content, Node, Scene};
+use crate::shape::{Cuboid, Mesh, Shape, Sphere};
+use crate::texture::{Texture, TextureKind};
+use glam::{Vec2, Vec3};
 
 /// The mean of a picture of a ball in light of radiance 1 from all sides, and its standard error.
 fn ball(material: Material, samples: u32) -> (f64, f64) {
@@ -58,6 +60,71 @@ fn what_absorbs_nothing_is_not_seen_in_even_light() {
     for (name, material) in all {
         let (mean, error) = ball(material, 64);
         assert!((mean - 1.0).abs() < 5e-3 + 3.3 * error && error < 0.02, "{name}: {mean} ± {error}");
+    }
+}
+
+/// Frosted glass of the standard surface is as noisy as that of the dielectric, whose facets are chosen alike.
+#[test]
+fn frosted_glass_is_as_noisy_as_a_dielectric() {
+    for roughness in [0.2, 0.5] {
+        let smooth = Dielectric::new(1.5);
+        let frosted = Dielectric { phong: Phong { roughness, ..smooth.phong }, ..smooth };
+        let (mean, error) = ball(Material::new_standard("standard", glass(roughness)), 64);
+        let (_, reference) = ball(Material::new("dielectric", frosted), 64);
+        assert!((mean - 1.0).abs() < 1e-3 + 3.3 * error, "{roughness}: {mean} ± {error}");
+        assert!(error < 1.5 * reference, "{roughness}: {error}, the dielectric's {reference}");
+    }
+}
+
+/// A square whose shading normals lean by about 45° inwards, or are bent there by a normal map.
+fn bent(material: Material, by_map: bool) -> Scene {
+    let corner = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+    let positions = vec![corner(-4.0, -4.0), corner(4.0, -4.0), corner(4.0, 4.0), corner(-4.0, 4.0)];
+    let normals = positions.iter().map(|p| (Vec3::Z - *p / 4.0).normalize()).collect();
+    let mesh = Mesh {
+        uvs: positions.iter().map(|p| Vec2::new(p.x, -p.y) / 8.0 + 0.5).collect(),
+        normals: if by_map { Vec::new() } else { normals },
+        positions,
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    // x and z of a unit vector that leans by 60°.
+    let leaning = TextureKind::Constant([0.5 + 0.5 * 0.75f32.sqrt(), 0.5, 0.75, 1.0]);
+    let used = TextureUse::new(0, Target::Normal { strength: 1.0, down: false });
+    Scene {
+        background: Rgb::WHITE,
+        textures: if by_map { vec![Texture { name: "leaning".into(), kind: leaning }] } else { Vec::new() },
+        materials: vec![if by_map { material.with_texture(used) } else { material }],
+        meshes: vec![mesh],
+        nodes: vec![Node::new(Content::Mesh(0)).with_material(0)],
+        ..Scene::default()
+    }
+}
+
+/// White metal and white plastic stay white under normals that lean, rough and polished, by a mesh and by a map.
+#[test]
+fn leaning_normals_take_no_light() {
+    let white = StandardBase { color: Rgb::WHITE, ..StandardBase::default() };
+    for by_map in [false, true] {
+        for roughness in [0.0, 0.1, 0.4] {
+            let specular = StandardSpecular { roughness, ..StandardSpecular::default() };
+            let mirror = Conductor::new(Rgb::gray(1e-6), Rgb::gray(1e6));
+            for (name, material) in [
+                ("metal", Material::new("m", Conductor { phong: Phong { roughness, ..mirror.phong }, ..mirror })),
+                (
+                    "plastic",
+                    Material::new_standard("p", StandardSurface { base: white, specular, ..Default::default() }),
+                ),
+            ] {
+                for eye in [Vec3::new(0.0, 9.0, 6.0), Vec3::new(-12.0, 1.0, 3.0)] {
+                    let (mean, error) = mean(&bent(material.clone(), by_map), [eye, Vec3::ZERO], PATH, 16);
+                    assert!(
+                        (mean - 1.0).abs() < 3e-3 + 3.3 * error && error < 0.02,
+                        "{name} of roughness {roughness} from {eye}, by a map {by_map}: {mean} ± {error}"
+                    );
+                }
+            }
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The scattering of a standard surface at a point: evaluation, sampling and density over all its lobes.
 
+use super::super::bsdf::mirrored_at;
 use super::super::ggx::{Ggx, Masking};
 use super::super::{BsdfSample, Lobe, ScatteringFrame, fresnel_dielectric, reflect, refract};
 use super::diffuse;
@@ -59,6 +60,8 @@ fn widths(roughness: f32, anisotropy: f32) -> [f32; 2] {
 struct Local {
     wo: DVec3,
     wi: DVec3,
+    /// Whether the light comes to the facets by the geometric surface, which mirrors it or lets it through.
+    is_mirrored: bool,
 }
 
 impl StandardBsdf {
@@ -122,7 +125,13 @@ impl StandardBsdf {
         self.thin_walled
     }
 
-    pub(super) fn eta_ratio(&self) -> f64 {
+    /// Whether light passes the base.
+    #[cfg(test)]
+    pub(in crate::material) fn is_clear(&self) -> bool {
+        self.clear > 0.0
+    }
+
+    pub(in crate::material) fn eta_ratio(&self) -> f64 {
         self.eta_ratio
     }
 
@@ -210,10 +219,12 @@ impl StandardBsdf {
         layers.below[0] + layers.below[1] * self.absorbed(cosines)
     }
 
-    fn eval_local(&self, layers: &Layers, &Local { wo, wi }: &Local) -> Rgb {
+    /// f cos θ. `matte` is the factor of diffuse lobes.
+    fn eval_local(&self, layers: &Layers, &Local { wo, wi, is_mirrored }: &Local, matte: f64) -> Rgb {
+        let matte = if is_mirrored { 0.0 } else { matte };
         if wi.z <= 0.0 {
             let below = self.below(layers, &[wo.z]);
-            let translucent = layers.translucent_share * (-wi.z * FRAC_1_PI) as f32;
+            let translucent = layers.translucent_share * (-wi.z * FRAC_1_PI * matte) as f32;
             return below * (translucent + self.eval_clear(layers, wo, wi));
         }
         let mut f = layers.fuzz.map_or(Rgb::BLACK, |fuzz| layers.fuzz_share * fuzz.pdf(wi) as f32);
@@ -227,6 +238,7 @@ impl StandardBsdf {
         }
         let mut base = diffuse::eval(self.diffuse, self.diffuse_roughness.into(), wo, wi) * layers.diffuse_share
             + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
+        base *= matte as f32;
         if !self.is_smooth() {
             base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;
         }
@@ -261,7 +273,8 @@ impl StandardBsdf {
         (o > 0.0 && i < 0.0).then(|| (m, -i / (length * length)))
     }
 
-    fn pdf_local(&self, layers: &Layers, &Local { wo, wi }: &Local) -> f64 {
+    fn pdf_local(&self, layers: &Layers, &Local { wo, wi, is_mirrored }: &Local) -> f64 {
+        let matte = if is_mirrored { 0.0 } else { FRAC_1_PI };
         let mut sum = 0.0;
         let mut add = |layer: Layer, density: &dyn Fn() -> f64| {
             let probability = layers.probability(layer);
@@ -270,14 +283,14 @@ impl StandardBsdf {
             }
         };
         if wi.z <= 0.0 {
-            add(Layer::Translucent, &|| -wi.z * FRAC_1_PI);
+            add(Layer::Translucent, &|| -wi.z * matte);
             add(Layer::Facets, &|| self.clear_pdf(layers, wo, wi));
             return sum;
         }
         let m = (wo + wi).normalize();
         add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
         add(Layer::Coat, &|| self.coat_ggx().mirrored_pdf(wo, m));
-        add(Layer::Diffuse, &|| wi.z * FRAC_1_PI);
+        add(Layer::Diffuse, &|| wi.z * matte);
         add(Layer::Facets, &|| {
             let cos = wo.dot(m);
             let density = match self.refracts() {
@@ -320,11 +333,11 @@ impl StandardBsdf {
                 return Some((-wo, factor));
             }
             let wi = refract(wo, normal, self.eta_ratio)?;
-            let wi = if wi.dot(facing) < 0.0 { wi } else { refract(wo, facing, self.eta_ratio).unwrap_or(-facing) };
+            let wi = if wi.dot(facing) < 0.0 { wi } else { mirrored_at(facing, wi) };
             return Some((wi, factor * (self.eta_ratio * self.eta_ratio) as f32));
         }
         let mirrored = reflect(wo, normal);
-        let wi = if mirrored.dot(facing) > 0.0 { mirrored } else { reflect(wo, facing) };
+        let wi = if mirrored.dot(facing) > 0.0 { mirrored } else { mirrored_at(facing, mirrored) };
         let factor = match layer {
             Layer::Coat => {
                 Rgb::gray((layers.coat_share * fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior))) as f32)
@@ -343,31 +356,42 @@ pub(crate) struct SeenStandard {
     axes: DMat3,
     local: DVec3,
     layers: Layers,
+    /// The factor of diffuse lobes: over the part of their hemisphere that is above the geometric surface.
+    matte: f64,
 }
 
 impl SeenStandard {
     pub(in crate::material) fn new(bsdf: StandardBsdf, wo: DVec3) -> SeenStandard {
         let axes = bsdf.frame.facet_axes(wo);
         let local = axes.transpose() * wo;
-        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local) }
+        let frame = &bsdf.frame;
+        let matte = if frame.is_bent() { 2.0 / (1.0 + axes.z_axis.dot(frame.facing)) } else { 1.0 };
+        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local), matte }
     }
 
-    /// The directions in the frame of the facets, if both normals agree on the side of `wi`.
-    fn local(&self, wi: DVec3) -> Option<Local> {
-        let local = Local { wo: self.local, wi: self.axes.transpose() * wi };
-        ((local.wi.z > 0.0) == (wi.dot(self.bsdf.frame.facing) > 0.0)).then_some(local)
+    /// The directions in the frame of the facets whose light leads to `wi`: itself, and the one that is mirrored at the
+    /// geometric surface, if it is on the same side of the facets.
+    fn local(&self, wi: DVec3) -> impl Iterator<Item = Local> {
+        let facing = self.bsdf.frame.facing;
+        let is_above = wi.dot(facing) > 0.0;
+        let one = |wi: DVec3, is_mirrored: bool| {
+            let local = Local { wo: self.local, wi: self.axes.transpose() * wi, is_mirrored };
+            ((local.wi.z > 0.0) == is_above).then_some(local)
+        };
+        let mirrored = if self.bsdf.frame.is_bent() { one(mirrored_at(facing, wi), true) } else { None };
+        one(wi, false).into_iter().chain(mirrored)
     }
 
     pub(in crate::material) fn eval(&self, wi: DVec3) -> Rgb {
-        self.local(wi).map_or(Rgb::BLACK, |local| self.bsdf.eval_local(&self.layers, &local))
+        self.local(wi).fold(Rgb::BLACK, |sum, local| sum + self.bsdf.eval_local(&self.layers, &local, self.matte))
     }
 
     pub(in crate::material) fn pdf(&self, wi: DVec3) -> f64 {
-        self.local(wi).map_or(0.0, |local| self.bsdf.pdf_local(&self.layers, &local))
+        self.local(wi).map(|local| self.bsdf.pdf_local(&self.layers, &local)).sum()
     }
 
     pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let SeenStandard { bsdf, wo, axes, local: o, layers } = self;
+        let SeenStandard { bsdf, wo, axes, local: o, layers, .. } = self;
         let (o, (layer, u_facet)) = (*o, layers.choose(u_lobe)?);
         let mirrors = |cos: f64| u_facet < bsdf.mirror_probability(layers, cos);
         if bsdf.is_delta_layer(layer) {
@@ -407,9 +431,16 @@ impl SeenStandard {
             }
         };
         let goes_through = layer == Layer::Translucent || lobe == Lobe::Refraction;
-        let wi = (*axes * i).normalize();
-        let local = self.local(wi).filter(|local| (local.wi.z < 0.0) == goes_through)?;
-        let pdf = bsdf.pdf_local(layers, &local);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: bsdf.eval_local(layers, &local), pdf, lobe, is_delta: false })
+        if (i.z < 0.0) != goes_through {
+            return None;
+        }
+        let (wi, facing) = ((*axes * i).normalize(), bsdf.frame.facing);
+        let wi = match (wi.dot(facing) < 0.0) == goes_through {
+            true => wi,
+            false if matches!(layer, Layer::Diffuse | Layer::Translucent) => return None,
+            false => mirrored_at(facing, wi),
+        };
+        let pdf = self.pdf(wi);
+        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })
     }
 }

@@ -102,6 +102,8 @@ pub(super) struct MetalBsdfs<'a> {
     /// The factors of what one scattering reflects.
     returned: Vec3x8,
     facing: &'a DVec3x8,
+    /// Whether the normal of any facets may be another one than the geometric one.
+    may_be_bent: bool,
     /// The axes of the facets, and the viewers' directions in them.
     axes: [DVec3x8; 3],
     wo: DVec3x8,
@@ -147,7 +149,18 @@ impl Materials8 for Metals {
             alpha[lane] = point.alpha;
             [circle[0][lane], circle[1][lane]] = on_circle(turn[lane]).to_array();
         }
-        MetalBsdfs { eta, k, alpha, returned, facing: &arrived.facing, axes, wo, circle, u }
+        MetalBsdfs {
+            eta,
+            k,
+            alpha,
+            returned,
+            facing: &arrived.facing,
+            may_be_bent: arrived.normal != arrived.facing,
+            axes,
+            wo,
+            circle,
+            u,
+        }
     }
 }
 
@@ -160,6 +173,7 @@ impl MetalBsdfs<'_> {
             k: rgb(&self.k, lane),
             ggx: Ggx::isotropic(self.alpha[lane], Masking::HeightCorrelated),
             facing: dvec3(self.facing, lane),
+            may_be_bent: self.may_be_bent,
             axes: DMat3::from_cols(dvec3(x, lane), dvec3(y, lane), dvec3(z, lane)),
             wo: dvec3(&self.wo, lane),
             returned: rgb(&self.returned, lane),
