@@ -3,6 +3,7 @@
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::format::duration;
+use crate::interrupt;
 use canaletto::Named;
 use canaletto::denoise::{DenoiseQuality, DenoisedPicture, NoisyPicture, denoise};
 use canaletto::film::Picture;
@@ -16,6 +17,7 @@ use clap::ValueEnum;
 use std::env;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 /// The denoisers.
@@ -48,18 +50,34 @@ impl Denoiser {
         if self == Denoiser::Oidn { load_oidn().map(|_| ()) } else { Ok(()) }
     }
 
-    /// Denoises a picture. None if a signal stops it.
-    pub(crate) fn run(
-        self,
-        picture: &NoisyPicture,
-        goes_on: &(dyn Fn(f64) -> bool + Sync),
-    ) -> Result<Option<DenoisedPicture>, Failure> {
+    /// Denoises a picture on threads of its own, as many as the current ones. None if the render must stop. The threads
+    /// may then work on for a while, so that what is rendered can be saved at once.
+    pub(crate) fn run(self, picture: NoisyPicture) -> Result<Option<DenoisedPicture>, Failure> {
+        const PAUSE: Duration = Duration::from_millis(10);
+        let failed = |why: &str| Failure::new(Exit::Failed, format!("--denoise {}: {why}", self.name()));
+        let (answer, answered) = mpsc::channel();
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
+        // A panic drops the sender.
+        let threads = threads.panic_handler(|_| ()).build().map_err(|e| failed(&e.to_string()))?;
+        threads.spawn(move || _ = answer.send(self.denoise(&picture)));
+        loop {
+            match answered.recv_timeout(PAUSE) {
+                _ if interrupt::stops() => return Ok(None),
+                Ok(denoised) => return denoised,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(failed("it ended without a picture")),
+            }
+        }
+    }
+
+    /// Denoises a picture. None if the render must stop, which is asked now and then.
+    fn denoise(self, picture: &NoisyPicture) -> Result<Option<DenoisedPicture>, Failure> {
         let quality = match self {
             Denoiser::Fast => DenoiseQuality::Fast,
             Denoiser::Good => DenoiseQuality::Good,
             Denoiser::Oidn => return by_oidn(picture).map(Some),
         };
-        Ok(match denoise(picture, quality, goes_on) {
+        Ok(match denoise(picture, quality, &|_| !interrupt::stops()) {
             ControlFlow::Continue(denoised) => Some(denoised),
             ControlFlow::Break(()) => None,
         })

@@ -38,16 +38,30 @@ impl<'a> FrameWriter<'a> {
         FrameWriter { plan, film: None }
     }
 
-    /// Writes a picture and its layers, or adds it to the film; returns the files' names.
-    pub(crate) fn write(&mut self, frame: &FramePicture<'_>) -> Result<Vec<String>, Failure> {
+    /// Writes a picture and its layers, or adds it to the film; returns the files' names. None if a signal stops it: no
+    /// file has its name then.
+    pub(crate) fn write(&mut self, frame: &FramePicture<'_>) -> Result<Option<Vec<String>>, Failure> {
         let (plan, files) = (self.plan, self.plan.files(frame.job.frame));
+        if interrupt::stops() {
+            return Ok(None);
+        }
         if plan.output.format.film().is_some() {
             let image = layers::developed(&frame.rendering.picture, &frame.job.film);
             self.add_to_film(&image, frame.job, frame.texts.to_vec())?;
         } else {
-            self.encode(frame, |index, bytes| plan.output.write(&files[index], bytes))?;
+            let mut written = Vec::new();
+            self.encode(frame, |index, bytes| {
+                if !interrupt::stops() {
+                    written.extend(plan.output.begin(&files[index], bytes)?);
+                }
+                Ok(())
+            })?;
+            if interrupt::stops() {
+                return Ok(None);
+            }
+            written.into_iter().try_for_each(|(path, file)| plan.output.commit(path, file))?;
         }
-        Ok(files.iter().map(|file| file.display().to_string()).collect())
+        Ok(Some(files.iter().map(|file| file.display().to_string()).collect()))
     }
 
     /// Writes a coarse picture in the place of the whole one, or in the file of previews; returns its name.
@@ -149,7 +163,7 @@ impl<'a> FrameWriter<'a> {
         let (rendering, job, output) = (frame.rendering, frame.job, self.plan.output.format);
         let (picture, film) = (&rendering.picture, &job.film);
         let Some(format) = output.picture() else { return Ok(()) };
-        let goes_on = || rendering.complete || interrupt::has_time_to_save();
+        let goes_on = || if rendering.complete { !interrupt::stops() } else { interrupt::has_time_to_save() };
         let settings = self.settings(frame);
         let bytes = format.encode(&Rendered { picture, film }, &settings, &frame.texts(None), &goes_on);
         write(0, &bytes.map_err(|e| unfit(&e))?)?;
@@ -191,6 +205,10 @@ impl<'a> FrameWriter<'a> {
                 film
             }
         };
+        // A frame that is being added isn't lost by a signal, nor are those before it.
+        if format.film().is_some_and(|film| !film.needs_ffmpeg()) {
+            interrupt::Rendering::saves();
+        }
         film.add(image).map_err(failed)?;
         self.film = Some(film);
         Ok(())
@@ -202,7 +220,12 @@ impl FramePicture<'_> {
     fn texts(&self, layer: Option<Aov>) -> Vec<(String, String)> {
         let mut texts = texts(self.texts, self.job, layer);
         if !self.rendering.complete {
-            texts.push((UNFINISHED.into(), "interrupted; black parts aren't rendered".into()));
+            let [_, _, width, height] = self.job.window();
+            let lacks = match self.rendering.pixels_done < u64::from(width) * u64::from(height) {
+                true => "black parts aren't rendered",
+                false => "samples, denoising or layers may be missing",
+            };
+            texts.push((UNFINISHED.into(), format!("interrupted; {lacks}")));
         }
         texts
     }

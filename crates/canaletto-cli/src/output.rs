@@ -244,6 +244,22 @@ impl Output {
         Ok(())
     }
 
+    /// Writes a complete picture that gets its name when it is [committed](Output::commit). What isn't a file of its
+    /// own, such as the standard output, is written at once.
+    pub(crate) fn begin<'p>(&self, path: &'p Path, bytes: &[u8]) -> Result<Option<(&'p Path, AtomicFile)>, Failure> {
+        if !self.has_place_beside(path) {
+            return self.write(path, bytes).map(|()| None);
+        }
+        Ok(Some((path, begin_file(path, self.options(), bytes)?)))
+    }
+
+    /// Gives a complete picture its name. Removes the partial picture of an interrupted run, which is obsolete.
+    pub(crate) fn commit(&self, path: &Path, file: AtomicFile) -> Result<(), Failure> {
+        file.commit().map_err(wrong)?;
+        remove_part(path);
+        Ok(())
+    }
+
     /// Writes a drawing, whose values are display values of the sRGB curve.
     pub(crate) fn write_drawing(
         &self,
@@ -334,12 +350,17 @@ pub(crate) fn write_files(files: &[PathBuf], contents: &[Vec<u8>], no_clobber: b
     let options = WriteOptions { no_clobber, durable: false };
     let mut written = Vec::new();
     for (path, bytes) in files.iter().zip(contents) {
-        let file = AtomicFile::begin(path, options).map_err(wrong)?;
-        let done = file.handle().map(|mut out| out.write_all(bytes).and_then(|()| out.flush()));
-        done.map_err(wrong)?.map_err(|reason| wrong(file.failed(reason)))?;
-        written.push(file);
+        written.push(begin_file(path, options, bytes)?);
     }
     written.into_iter().try_for_each(|file| file.commit().map_err(wrong))
+}
+
+/// Writes a file that has no name yet.
+fn begin_file(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<AtomicFile, Failure> {
+    let file = AtomicFile::begin(path, options).map_err(wrong)?;
+    let done = file.handle().map(|mut out| out.write_all(bytes).and_then(|()| out.flush()));
+    done.map_err(wrong)?.map_err(|reason| wrong(file.failed(reason)))?;
+    Ok(file)
 }
 
 /// Writes a complete file or nothing; `-` is the standard output. Removes temporary files that a killed program left

@@ -6,6 +6,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::format::{count, plural};
 use crate::interrupt;
+use crate::partial::UNFINISHED;
 use crate::preview::PreviewFile;
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::source::UsedFile;
@@ -174,8 +175,14 @@ pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> (String, Strin
     (SCENE_DIGEST.into(), Digest::EMPTY.with_files(files).with(&set).to_string())
 }
 
-/// The samples of the file of --continue, whose texts must be those of this render.
-pub(crate) fn samples_of_file(file: &Path, job: &Job, texts: &[(String, String)]) -> Result<SampleBlocks, Failure> {
+/// The samples of the file of --continue, whose texts must be those of this render. `denoises`: the picture is denoised
+/// when it has its samples.
+pub(crate) fn samples_of_file(
+    file: &Path,
+    job: &Job,
+    texts: &[(String, String)],
+    denoises: bool,
+) -> Result<SampleBlocks, Failure> {
     let name = file.display();
     let failed = |message: String| Failure::new(Exit::Scene, format!("--continue {name}: {message}"));
     let bytes = fs::read(file).map_err(|error| failed(reason(&error)))?;
@@ -205,21 +212,28 @@ pub(crate) fn samples_of_file(file: &Path, job: &Job, texts: &[(String, String)]
     let samples = read_samples(&decoded, job.first_sample).map_err(|error| failed(error.to_string()))?;
     let least = samples.counts().iter().copied().min().unwrap_or(0);
     let wanted = job.film.sampling.count();
-    if least >= wanted {
+    // The part of a picture that has all its samples isn't denoised, or wasn't written.
+    let lacks_more = denoises || decoded.metadata.iter().any(|(key, _)| key == UNFINISHED);
+    if least > wanted || least == wanted && !lacks_more {
         return Err(failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
             .help(format!("give more, such as --samples {}", 2 * u64::from(least))));
     }
     Ok(samples)
 }
 
-/// Adds to a picture, and to the texts of its file, what another render needs to go on with it.
-pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, String)>) {
+/// Adds to a picture, and to the texts of its file, what another render needs to go on with it. `keeps_halves`: a part
+/// of it has the halves of its samples, too, which denoising needs.
+pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, String)>, keeps_halves: bool) {
     let (Some(samples), Some(statistics)) = (&rendering.samples, &rendering.statistics) else { return };
     let (fewest, most) = (statistics.fewest, statistics.most);
     let text = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
     texts.push((SAMPLES_TEXT.into(), text));
     let has = |name: &str| rendering.picture.layers.iter().any(|layer| layer.name == name);
-    let new: Vec<_> = samples.layers().into_iter().filter(|layer| !has(layer.name)).collect();
+    let mut all = samples.layers(&rendering.picture.pixels);
+    if keeps_halves && !rendering.complete {
+        all.extend(samples.half_layers());
+    }
+    let new: Vec<_> = all.into_iter().filter(|layer| !has(layer.name)).collect();
     rendering.picture.layers.extend(new);
 }
 

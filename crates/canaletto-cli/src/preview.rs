@@ -3,6 +3,7 @@
 use crate::complete::texts;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, PictureSize};
+use crate::interrupt;
 use crate::output::{Output, unfit};
 use crate::partial::UNFINISHED;
 use crate::settings::Settings;
@@ -65,7 +66,10 @@ impl PreviewFile<'_> {
         let settings =
             EncodeSettings { compression: Compression::Fast, window: Some(self.window), ..self.output.settings };
         let rendered = Rendered { picture, film: &self.job.film };
-        let bytes = format.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))?;
+        let bytes = format.encode(&rendered, &settings, &texts, &|| !interrupt::stops()).map_err(|e| unfit(&e))?;
+        if interrupt::stops() {
+            return Ok(());
+        }
         self.output.write(&self.output.path(self.job.frame), &bytes)
     }
 }

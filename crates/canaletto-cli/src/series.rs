@@ -262,7 +262,7 @@ impl<'a> Series<'a> {
                 if !plan.output.format.has_layers() {
                     texts.push(frame_context.scene_digest.clone());
                 }
-                Some(samples_of_file(file, &job, &texts)?)
+                Some(samples_of_file(file, &job, &texts, self.flags.denoise.is_some())?)
             }
             None => None,
         };
@@ -284,22 +284,34 @@ impl<'a> Series<'a> {
             return Err(failure);
         }
         let (mut rendering, solution) = rendered?;
+        // A signal after the last sample, or one that ended the passes, leaves a part, too.
+        rendering.complete &= !interrupt::stops();
         if let Some(denoiser) = self.flags.denoise {
             self.denoise(denoiser, &mut rendering, &job)?;
-        }
-        let mut texts = frame_context.texts.clone();
-        if !plan.numbered && plan.output.format.has_layers() {
-            add_samples(&mut rendering, &mut texts);
         }
         let solution = first_solution.or(solution);
         self.tell_of_solves(solution);
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
-        let frame_picture = FramePicture { world, job: &job, rendering: &rendering, texts: &texts };
         self.tell_of_samples(&rendering, &job);
-        let (files, samples_file) = if rendering.complete {
-            (self.writer.write(&frame_picture)?, None)
+        let keeps_samples = !plan.numbered && plan.output.format.has_layers();
+        let texts_with_samples = |rendering: &mut Rendering| {
+            let mut texts = frame_context.texts.clone();
+            if keeps_samples {
+                add_samples(rendering, &mut texts, self.flags.denoise.is_some());
+            }
+            texts
+        };
+        let mut written = None;
+        if rendering.complete {
+            let texts = texts_with_samples(&mut rendering);
+            written = self.writer.write(&FramePicture { world, job: &job, rendering: &rendering, texts: &texts })?;
+            rendering.complete = written.is_some();
+        }
+        let (files, samples_file) = if let Some(files) = written {
+            (files, None)
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
+            let texts = texts_with_samples(&mut rendering);
             self.write_part(&frame_context.scene_digest, texts, &mut rendering, (world, &job))?
         } else {
             (Vec::new(), None) // A black picture is worthless, and a film has whole frames.
@@ -346,7 +358,7 @@ impl<'a> Series<'a> {
             let mut texts = texts.clone();
             texts.push(scene_digest.clone());
             let own = rendering.picture.layers.len();
-            add_samples(rendering, &mut texts);
+            add_samples(rendering, &mut texts, self.flags.denoise.is_some());
             let written = self.writer.write_samples(&FramePicture { world, job, rendering, texts: &texts });
             rendering.picture.layers.truncate(own);
             written
@@ -366,7 +378,8 @@ impl<'a> Series<'a> {
         Ok((files, samples))
     }
 
-    /// Denoises a complete picture, and removes the layers that only denoising needs.
+    /// Denoises a complete picture, and removes the layers that only denoising needs. A picture that a signal stops
+    /// stays noisy and isn't complete.
     fn denoise(&self, denoiser: Denoiser, rendering: &mut Rendering, job: &Job) -> Result<(), Failure> {
         let start = Instant::now();
         let noisy = denoiser::of_rendering(&rendering.picture);
@@ -380,9 +393,10 @@ impl<'a> Series<'a> {
         {
             eprint_line(&format!("note: {}: {lacks}", self.reader.name));
         }
-        let goes_on = |_| !interrupt::stops();
-        // After a signal the noisy picture is written.
-        let Some(denoised) = denoiser.run(&noisy, &goes_on)? else { return Ok(()) };
+        let Some(denoised) = denoiser.run(noisy)? else {
+            rendering.complete = false;
+            return Ok(());
+        };
         let seconds = start.elapsed();
         if self.plan.style == Style::Json {
             emit(&json!({
@@ -597,6 +611,9 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
     match report.files.first() {
         Some(file) => {
             let file = if file == "-" { "the standard output" } else { file };
+            if report.pixels_done == report.pixels {
+                return format!("{paint} the picture is rendered, but isn't finished; {file} has it");
+            }
             format!("{paint} {percent} of the picture is rendered; {file} has it, the rest is black")
         }
         None => format!("{paint} no part of the picture was finished, so nothing is written"),

@@ -152,6 +152,87 @@ fn an_interrupted_picture_goes_on() {
     assert!(!folder.path("a.partial.exr").exists(), "the whole picture makes the part obsolete");
 }
 
+/// Runs a render and sends a signal at this time after its last pass of samples. Returns the exit code, and the time
+/// from that pass to the end.
+#[cfg(unix)]
+fn after_the_last_sample(folder: &Folder, run: &str, signal: Option<(&str, Duration)>) -> (i32, Duration) {
+    let mut child = folder.command(&format!("{run} --progress json")).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines =
+        std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap())).map_while(Result::ok);
+    lines.find(|line| line.contains("\"event\":\"pass\"") && line.contains("\"next\":null")).unwrap();
+    let start = Instant::now();
+    if let Some((name, delay)) = signal {
+        std::thread::sleep(delay);
+        // The program may have ended.
+        let _ = Command::new("kill").args([name, &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
+    }
+    lines.for_each(drop);
+    (child.wait().unwrap().code().unwrap(), start.elapsed())
+}
+
+/// Signals after the last sample: during features, denoising, encoding and writing. A picture is finished, or an older
+/// one stays and the part beside it says that it isn't, and goes on to the same bytes.
+#[cfg(unix)]
+#[test]
+fn signals_after_the_last_sample_leave_a_part() {
+    let folder = Folder::new();
+    for (format, samples, part) in [("exr", 4, "a.partial.exr"), ("png", 6, "a.png.partial.exr")] {
+        let run = format!("render s.kdl --size 144x96 --samples {samples} --denoise --aov depth");
+        let (code, time) = after_the_last_sample(&folder, &format!("{run} -o whole.{format}"), None);
+        assert_eq!(code, 0);
+        let (picture, whole) = (folder.path(&format!("a.{format}")), folder.path(&format!("whole.{format}")));
+        let mut stopped = 0;
+        for (moment, name) in ["-INT", "-TERM", "-HUP", "-INT"].into_iter().enumerate() {
+            fs::write(&picture, "older").unwrap();
+            let delay = time * moment as u32 / 5;
+            let (code, _) = after_the_last_sample(&folder, &format!("{run} -o a.{format}"), Some((name, delay)));
+            if code == 0 {
+                assert!(fs::read(&picture).unwrap() == fs::read(&whole).unwrap());
+                continue;
+            }
+            stopped += 1;
+            assert_eq!((code, fs::read(&picture).unwrap()), (130, b"older".to_vec()));
+            assert!(folder.text(part, "unfinished").is_some());
+            folder.says(&format!("{run} -q --continue {part} -o a.{format}"), 0, &[]);
+            assert!(fs::read(&picture).unwrap() == fs::read(&whole).unwrap(), "{delay:?}");
+            assert!(!folder.path(part).exists());
+        }
+        assert!(stopped > 0, "no signal came in time");
+    }
+}
+
+/// A frame that a signal stops while it is denoised is made again.
+#[cfg(unix)]
+#[test]
+fn a_series_makes_a_frame_again_that_was_not_denoised() {
+    let folder = Folder::new();
+    let run = "render s.kdl --frames 1-2 --size 144x96 --samples 4 --denoise";
+    folder.says(&format!("{run} -q -o whole.##.png"), 0, &[]);
+    let (code, _) = after_the_last_sample(&folder, &format!("{run} -o a.##.png"), Some(("-TERM", Duration::ZERO)));
+    assert_eq!((code, folder.path("a.01.png").exists()), (130, false));
+    folder.says(&format!("{run} -o a.##.png"), 0, &["2 frames rendered"]);
+    for frame in ["01", "02"] {
+        let [own, whole] = ["a", "whole"].map(|name| fs::read(folder.path(&format!("{name}.{frame}.png"))).unwrap());
+        assert!(own == whole, "frame {frame}");
+    }
+}
+
+/// The samples of a denoised picture aren't its colours.
+#[test]
+fn a_denoised_picture_goes_on() {
+    let folder = Folder::new();
+    folder.says("render s.kdl -q --samples 32 -o whole.exr", 0, &[]);
+    for flags in ["", "--aov noisy"] {
+        folder.says(&format!("render s.kdl -q --samples 16 --denoise {flags} -o half.exr"), 0, &[]);
+        folder.says("render s.kdl -q --samples 32 --continue half.exr -o on.exr", 0, &[]);
+        folder.same("on.exr", "whole.exr");
+    }
+    folder.says("render s.kdl -q --samples 16 --aov half-a,half-b -o noisy.exr", 0, &[]);
+    folder.says("denoise noisy.exr -q -o half.exr", 0, &[]);
+    folder.says("render s.kdl -q --samples 32 --continue half.exr -o on.exr", 0, &[]);
+    folder.same("on.exr", "whole.exr");
+}
+
 /// A PNG holds no samples, so an EXR beside its part does.
 #[cfg(unix)]
 #[test]

@@ -3,7 +3,7 @@
 
 use super::channels::{fill_channel, picture_channels};
 use super::exr_part::write_exr_part;
-use super::format::{Capabilities, EncodeSettings, Encoder, FormatInfo};
+use super::format::{Capabilities, EncodeSettings, Encoder, FormatInfo, GoesOn};
 use super::{Channel, Compression, Decoded, Image, PictureError, SOFTWARE, Window, check};
 use crate::image::ImageError;
 use crate::image::exr::{File, floats, is_exr, size};
@@ -12,7 +12,7 @@ use ::exr::meta::header::Header;
 use ::exr::prelude as ex;
 use ::exr::prelude::WritableImage;
 use canaletto::scene::Transfer;
-use std::io::Cursor;
+use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::ops::Range;
 
 /// OpenEXR in the table of picture formats.
@@ -33,8 +33,10 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
             compression: false,
             whole_ids: true,
         },
-        encode: |rendered, settings, texts, _| {
-            encode_exr(&Image::from_picture(rendered.picture), ExrOptions::from(settings), texts)
+        encode: |rendered, settings, texts, goes_on| {
+            let image = Image::from_picture(rendered.picture);
+            let bytes = encode_exr_while(&image, ExrOptions::from(settings), texts, goes_on)?;
+            Ok(bytes.unwrap_or_default())
         },
         encode_image: |image, _, settings, texts| encode_exr(image, ExrOptions::from(settings), texts),
         stored_bits: |settings, channels| {
@@ -96,6 +98,16 @@ pub(super) fn encode_exr(
     options: ExrOptions,
     metadata: &[(String, String)],
 ) -> Result<Vec<u8>, PictureError> {
+    Ok(encode_exr_while(image, options, metadata, &|| true)?.unwrap_or_default())
+}
+
+/// As [`encode_exr`], but ends soon without bytes when `goes_on` returns false.
+fn encode_exr_while(
+    image: &Image,
+    options: ExrOptions,
+    metadata: &[(String, String)],
+    goes_on: GoesOn<'_>,
+) -> Result<Option<Vec<u8>>, PictureError> {
     check(image)?;
     let name = |text: &str| {
         if text.is_empty() || text.len() > 255 || text.contains('\0') {
@@ -123,11 +135,35 @@ pub(super) fn encode_exr(
     let whole = ex::ImageAttributes::new(ex::IntegerBounds::new((0, 0), (width, height)));
     let size = (image.width as usize, image.height as usize);
     let layer = ex::Layer::new(size, attributes, encoding, ex::AnyChannels::sort(channels.into_iter().collect()));
-    let mut out = Cursor::new(Vec::new());
-    ex::Image::new(whole, layer).write().to_buffered(&mut out).map_err(|e| PictureError::Unfit(e.to_string()))?;
-    let mut bytes = out.into_inner();
+    let mut out = Stopping { bytes: Cursor::new(Vec::new()), goes_on };
+    if let Err(error) = ex::Image::new(whole, layer).write().to_buffered(&mut out) {
+        return if goes_on() { Err(PictureError::Unfit(error.to_string())) } else { Ok(None) };
+    }
+    let mut bytes = out.bytes.into_inner();
     sort_attributes(&mut bytes);
-    Ok(bytes)
+    Ok(Some(bytes))
+}
+
+/// Bytes in memory that can't be written any more when `goes_on` returns false.
+struct Stopping<'a> {
+    bytes: Cursor<Vec<u8>>,
+    goes_on: GoesOn<'a>,
+}
+
+impl Write for Stopping<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if (self.goes_on)() { self.bytes.write(bytes) } else { Err(io::Error::other("stopped")) }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for Stopping<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.bytes.seek(to)
+    }
 }
 
 /// The samples of a channel in the type that the options select.

@@ -172,7 +172,7 @@ impl PictureFormat {
     }
 
     /// The bytes of a rendered picture in this format. `texts` go into the file if it holds texts. When `goes_on`
-    /// returns false, the rest of the picture may be black.
+    /// returns false, the rest of the picture may be black or missing.
     ///
     /// # Errors
     /// [`PictureError::Unfit`] if the format is only read, or can't hold this picture.

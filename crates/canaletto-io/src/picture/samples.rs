@@ -1,11 +1,11 @@
 //! The samples of a picture in a file, from which a render goes on.
 //!
 //! The means of blocks of samples are exact in an EXR of 32-bit floats. If each pixel has a single block, the picture
-//! itself is its mean. Else there are the layers of `SampleBlocks::layers`.
+//! itself is its mean, or the layer `noisy` if it was denoised. Else there are the layers of `SampleBlocks::layers`.
 
 use super::Decoded;
 use super::channels::channel_name;
-use canaletto::film::{BLOCK_LAYERS, SampleBlocks, block_sizes};
+use canaletto::film::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, SampleBlocks, block_sizes};
 use canaletto::math::Rgb;
 use canaletto::scene::Sampling;
 
@@ -69,8 +69,9 @@ pub fn read_samples(decoded: &Decoded, first: u32) -> Result<SampleBlocks, Sampl
     };
     let blocks = |count: u32| block_sizes(first, first + count).count();
     let most_blocks = counts.iter().map(|count| blocks(*count)).max().unwrap_or(0);
+    let noisy = || channels(NOISY).or_else(|_| channels(""));
     let layers = match most_blocks {
-        0 | 1 => vec![channels("")?],
+        0 | 1 => vec![channels(BLOCK_LAYERS[0]).or_else(|_| noisy())?],
         _ => BLOCK_LAYERS[..most_blocks].iter().map(|layer| channels(layer)).collect::<Result<_, _>>()?,
     };
     let color = |layer: &[&[f32]; 3], pixel: usize| Rgb::from(layer.map(|channel| channel[pixel]));
@@ -81,15 +82,19 @@ pub fn read_samples(decoded: &Decoded, first: u32) -> Result<SampleBlocks, Sampl
     }
     let mean = |pixel: usize, block: usize| color(&layers[block], pixel);
     let size = [image.width, image.height];
-    let both = channels("half-a").and_then(|a| Ok([a, channels("half-b")?]));
-    Ok(match both {
-        Ok(halves) if most_blocks <= 1 => {
-            let halves = |pixel: usize| halves.map(|half| color(&half, pixel));
-            SampleBlocks::of(size, first, &counts, mean, Some(&halves))
-        }
-        _ => SampleBlocks::of(size, first, &counts, mean, None),
-    })
+    let pair = |[a, b]: [&str; 2]| Ok::<_, SamplesError>([channels(a)?, channels(b)?]);
+    let mut halves: Vec<_> = BLOCK_HALF_LAYERS[..most_blocks].iter().map_while(|names| pair(*names).ok()).collect();
+    if most_blocks == 1 && halves.is_empty() {
+        halves.extend(pair(HALVES));
+    }
+    let has_halves = halves.len() == most_blocks && most_blocks > 0;
+    let of = |pixel: usize, block: usize| halves[block].map(|half| color(&half, pixel));
+    Ok(SampleBlocks::of(size, first, &counts, mean, has_halves.then_some(&of as _)))
 }
+
+/// The layers of the noisy colours of a denoised picture, and of the halves of all samples.
+const NOISY: &str = "noisy";
+const HALVES: [&str; 2] = ["half-a", "half-b"];
 
 #[cfg(test)]
 mod tests {
@@ -104,7 +109,7 @@ mod tests {
         for (pixel, color) in picture.pixels.iter_mut().enumerate() {
             *color = samples.mean(pixel);
         }
-        picture.layers = samples.layers();
+        picture.layers = [samples.layers(&picture.pixels), samples.half_layers()].concat();
         let rendered = Rendered { picture: &picture, film: &FilmSettings::default() };
         let settings = EncodeSettings { bits, ..EncodeSettings::default() };
         let texts: &[_] = match samples.counts() {
@@ -127,8 +132,30 @@ mod tests {
             let samples = samples(&counts);
             let bytes = file(&samples, None);
             assert!(read_samples(&decode(&bytes).unwrap(), 0).unwrap() == samples, "{counts:?}");
+            let halves =
+                |pixel: usize, block: usize| [1.0, 2.0].map(|half| Rgb::gray(half * (pixel * 20 + block) as f32));
+            let mean = |pixel, block| halves(pixel, block)[0];
+            let samples = SampleBlocks::of([2, 2], 0, &counts, mean, Some(&halves));
+            assert!(read_samples(&decode(&file(&samples, None)).unwrap(), 0).unwrap() == samples, "{counts:?}");
         }
-        assert!(samples(&[64; 4]).layers().is_empty());
+    }
+
+    /// A denoised picture isn't the mean of its samples. Their block has a layer, or they are the layer `noisy`.
+    #[test]
+    fn samples_come_back_from_a_denoised_picture() {
+        let samples = samples(&[64; 4]);
+        let means: Vec<Rgb> = (0..4).map(|pixel| samples.mean(pixel)).collect();
+        assert!(samples.layers(&means).is_empty());
+        let denoised = vec![Rgb::gray(0.5); 4];
+        let mut noisy = samples.layers(&denoised).remove(0);
+        noisy.name = NOISY;
+        for layers in [samples.layers(&denoised), vec![noisy]] {
+            let picture = Picture { pixels: denoised.clone(), layers, ..Picture::new(2, 2) };
+            let rendered = Rendered { picture: &picture, film: &FilmSettings::default() };
+            let texts = [(SAMPLES_TEXT.to_owned(), "64".to_owned())];
+            let bytes = PictureFormat::Exr.encode(&rendered, &EncodeSettings::default(), &texts, &|| true).unwrap();
+            assert!(read_samples(&decode(&bytes).unwrap(), 0).unwrap() == samples);
+        }
     }
 
     #[test]

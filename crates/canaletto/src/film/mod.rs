@@ -15,6 +15,6 @@ pub use develop::{Developer, develop, srgb_encode};
 pub use filter::{Division, FilterTable, Part};
 pub use half_buffers::HalfBuffers;
 pub use picture::{Layer, Picture};
-pub use sample_blocks::{BLOCK_LAYERS, BlockMean, SampleBlocks, block_sizes};
+pub use sample_blocks::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, BlockMean, SampleBlocks, block_sizes};
 pub use sample_statistics::{SamplePlace, SampleStatistics};
 pub(crate) use tile_buffer::{Accumulation, TileBuffer, WeightedSum};

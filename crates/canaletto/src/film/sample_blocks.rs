@@ -20,6 +20,27 @@ pub const BLOCK_LAYERS: [&str; 17] = [
     "block-11", "block-12", "block-13", "block-14", "block-15", "block-16", "block-17",
 ];
 
+/// The names of the layers of the halves of [`BLOCK_LAYERS`].
+pub const BLOCK_HALF_LAYERS: [[&str; 2]; 17] = [
+    ["block-1-half-a", "block-1-half-b"],
+    ["block-2-half-a", "block-2-half-b"],
+    ["block-3-half-a", "block-3-half-b"],
+    ["block-4-half-a", "block-4-half-b"],
+    ["block-5-half-a", "block-5-half-b"],
+    ["block-6-half-a", "block-6-half-b"],
+    ["block-7-half-a", "block-7-half-b"],
+    ["block-8-half-a", "block-8-half-b"],
+    ["block-9-half-a", "block-9-half-b"],
+    ["block-10-half-a", "block-10-half-b"],
+    ["block-11-half-a", "block-11-half-b"],
+    ["block-12-half-a", "block-12-half-b"],
+    ["block-13-half-a", "block-13-half-b"],
+    ["block-14-half-a", "block-14-half-b"],
+    ["block-15-half-a", "block-15-half-b"],
+    ["block-16-half-a", "block-16-half-b"],
+    ["block-17-half-a", "block-17-half-b"],
+];
+
 /// The samples of a rectangle of pixels, in rows from the upper left. Each pixel has those from number `first` on.
 #[derive(Clone, Debug)]
 pub struct SampleBlocks {
@@ -107,7 +128,7 @@ impl SampleBlocks {
     }
 
     /// Pixels with these numbers of samples from number `first` on. `mean` returns the mean of a block of a pixel, and
-    /// `halves` those of a pixel with a single block; without it they are unknown.
+    /// `halves` those of its halves; without it they aren't kept.
     ///
     /// # Panics
     /// If there are too few counts for the size.
@@ -116,7 +137,7 @@ impl SampleBlocks {
         first: u32,
         counts: &[u32],
         mean: impl Fn(usize, usize) -> Rgb,
-        halves: Option<&dyn Fn(usize) -> [Rgb; 2]>,
+        halves: Option<&dyn Fn(usize, usize) -> [Rgb; 2]>,
     ) -> SampleBlocks {
         let mut blocks = SampleBlocks::new(size, first, halves.is_some());
         for (pixel, &count) in counts[..blocks.counts.len()].iter().enumerate() {
@@ -127,31 +148,50 @@ impl SampleBlocks {
                 let place = pixel * blocks.room + block;
                 blocks.means[place] = mean(pixel, block);
                 if let Some(halves) = halves {
-                    blocks.halves[place] = if number == 1 { halves(pixel) } else { UNKNOWN };
+                    blocks.halves[place] = halves(pixel, block);
                 }
             }
         }
         blocks
     }
 
-    /// The layers that a picture file needs besides the picture, so that its samples can be gone on with: `samples`, if
-    /// their number isn't the same everywhere, and a layer for the mean of each block, `block-1` to `block-17`, unless
-    /// every pixel has one block.
-    pub fn layers(&self) -> Vec<Layer> {
+    /// The layers that a file needs besides a picture, so that its samples can be gone on with: `samples`, if their
+    /// number isn't the same everywhere, and a layer for the mean of each block, `block-1` to `block-17`, unless every
+    /// pixel has one block and `picture` is what it is. A denoised picture isn't.
+    pub fn layers(&self, picture: &[Rgb]) -> Vec<Layer> {
         let mut layers = Vec::new();
         if self.counts.iter().any(|count| *count != self.counts[0]) {
             let data = self.counts.iter().map(|count| *count as f32).collect();
             layers.push(Layer { name: "samples", channels: &["X"], data, ids: Vec::new() });
         }
         let most = self.most_blocks();
-        for (block, name) in BLOCK_LAYERS.iter().enumerate().take(if most > 1 { most } else { 0 }) {
-            let mut data = Vec::with_capacity(self.counts.len() * 3);
-            for pixel in 0..self.counts.len() {
-                data.extend(self.blocks(pixel).nth(block).map_or([0.0; 3], |(_, mean)| mean.to_array()));
-            }
-            layers.push(Layer { name, channels: &["R", "G", "B"], data, ids: Vec::new() });
+        let is_picture = most <= 1 && (0..self.counts.len()).all(|pixel| picture[pixel] == self.mean(pixel));
+        for (block, name) in BLOCK_LAYERS.iter().enumerate().take(if is_picture { 0 } else { most }) {
+            layers.push(self.layer(name, block, |place| self.means[place]));
         }
         layers
+    }
+
+    /// The layers of the halves of each block, if they are kept. With them another render denoises equally.
+    pub fn half_layers(&self) -> Vec<Layer> {
+        let blocks = if self.keeps_halves() { self.most_blocks() } else { 0 };
+        let names = BLOCK_HALF_LAYERS.iter().enumerate().take(blocks);
+        let halves = names.flat_map(|(block, names)| [0, 1].map(|half| (block, half, names[half])));
+        halves.map(|(block, half, name)| self.layer(name, block, |place| self.halves[place][half])).collect()
+    }
+
+    /// A layer of values of one block of each pixel, by their places; black where a pixel has fewer blocks.
+    fn layer(&self, name: &'static str, block: usize, value: impl Fn(usize) -> Rgb) -> Layer {
+        let mut data = Vec::with_capacity(self.counts.len() * 3);
+        let mut last = (0, 0);
+        for (pixel, &count) in self.counts.iter().enumerate() {
+            if count != last.0 {
+                last = (count, self.block_sizes(count).count());
+            }
+            let color = if block < last.1 { value(pixel * self.room + block) } else { Rgb::BLACK };
+            data.extend(color.to_array());
+        }
+        Layer { name, channels: &["R", "G", "B"], data, ids: Vec::new() }
     }
 
     /// Makes room for this many blocks of each pixel.

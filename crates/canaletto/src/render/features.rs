@@ -19,7 +19,7 @@ pub(super) fn without_features(job: &Job) -> Option<Job> {
     (made.len() < job.aovs.len()).then(|| Job { aovs: made, ..job.clone() })
 }
 
-/// Adds the layers that integrators don't make to a picture, in the order of the job.
+/// Adds the layers that integrators don't make to a picture, in the order of the job. A cancelled one isn't complete.
 pub(super) fn add_layers(world: &World, job: &Job, rendering: &mut Rendering, observer: &dyn Observer) {
     let [left, top, width, height] = job.window();
     let mut sums = Vec::new();
@@ -34,6 +34,7 @@ pub(super) fn add_layers(world: &World, job: &Job, rendering: &mut Rendering, ob
             |tracer, y| (0..width).map(|x| tracer.pixel([left + x, top + y])).collect::<Vec<FeatureSums>>(),
         );
         sums = rows.collect::<Vec<_>>().into_iter().flatten().collect();
+        rendering.complete &= !observer.cancelled();
     }
     let mut made = std::mem::take(&mut rendering.picture.layers).into_iter();
     for aov in &job.aovs {

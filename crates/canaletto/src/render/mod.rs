@@ -36,7 +36,7 @@ pub struct Rendering {
     pub counts: Counts,
     /// The number of pixels in finished tiles.
     pub pixels_done: u64,
-    /// Whether every tile was finished, in every pass.
+    /// Whether every tile was finished, in every pass, and every layer.
     pub complete: bool,
     /// The samples of a picture that was made in passes ([`Job::passes`]), with which [`render_on`] goes on.
     pub samples: Option<SampleBlocks>,

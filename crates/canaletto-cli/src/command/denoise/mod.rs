@@ -6,7 +6,6 @@ use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
-use crate::interrupt;
 use crate::output::{check_files, check_inputs, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
@@ -122,8 +121,7 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         eprint_line(&format!("note: {name}: {lacks}"));
     }
     let start = Instant::now();
-    let goes_on = |_| !interrupt::requested();
-    let Some(denoised) = flags.denoiser.run(&noisy, &goes_on)? else { return Ok(Exit::Interrupted) };
+    let Some(denoised) = flags.denoiser.run(noisy)? else { return Ok(Exit::Interrupted) };
     let time = start.elapsed();
     let settings = EncodeSettings { window: Some(decoded.window), ..EncodeSettings::default() };
     let is_linear = format.capabilities().is_some_and(|can| can.linear);
