@@ -25,7 +25,7 @@ pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>
     texts
 }
 
-/// Whether a file holds a complete picture of this job with these texts, written by this program.
+/// Whether a file holds a complete picture of this job with these texts, written by this program and not changed since.
 pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(String, String)]) -> bool {
     let [_, _, width, height] = job.window();
     let Some(format) = output.format.picture() else { return false };
@@ -43,6 +43,7 @@ pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(Str
     (picture.image.width, picture.image.height) == (width, height)
         && format.stored_bits(&output.settings, &names) == Ok(picture.bits)
         && channels == names
+        && !picture.is_changed
         && picture.metadata.iter().all(|(key, _)| key != UNFINISHED)
         && texts.iter().all(|(key, text)| has(key, text))
         && has("Software", SOFTWARE)

@@ -49,7 +49,7 @@ impl Failure {
     /// A failure to write results to stdout. A closed pipe counts as success, since its reader needs no more.
     pub(crate) fn stdout(error: &io::Error) -> Failure {
         match error.kind() {
-            ErrorKind::BrokenPipe => Failure::Reported(Exit::Done),
+            ErrorKind::BrokenPipe | ErrorKind::ConnectionReset => Failure::Reported(Exit::Done),
             _ => Failure::new(Exit::Failed, format!("can't write to the standard output: {}", reason(error))),
         }
     }

@@ -4,6 +4,7 @@ use canaletto_io::assets::FileId;
 use canaletto_io::movie::MovieFormat;
 use canaletto_io::picture::PictureFormat;
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -44,9 +45,31 @@ impl InputGuard {
     }
 }
 
-/// Whether two paths name one file. Both are names of the same file if they are equal or if it exists.
-pub(crate) fn are_one_file(a: &Path, b: &Path) -> bool {
-    a == b || matches!((FileId::of(a), FileId::of(b)), (Ok(a), Ok(b)) if a == b)
+/// A key that is equal for all names of a file, whether it exists or will be written.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum FileKey {
+    Existing(FileId),
+    /// Its folder and its name.
+    New(FileId, OsString),
+    /// A file in a folder that doesn't exist.
+    Nowhere(PathBuf),
+}
+
+impl FileKey {
+    pub(crate) fn of(path: &Path) -> FileKey {
+        if let Ok(file) = FileId::of(path) {
+            return FileKey::Existing(file);
+        }
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        match (FileId::of(folder), path.file_name()) {
+            // These systems take names as equal that differ in upper and lower case only.
+            (Ok(folder), Some(name)) if cfg!(any(windows, target_os = "macos")) => {
+                FileKey::New(folder, name.to_string_lossy().to_lowercase().into())
+            }
+            (Ok(folder), Some(name)) => FileKey::New(folder, name.to_owned()),
+            _ => FileKey::Nowhere(path.to_owned()),
+        }
+    }
 }
 
 /// Whether the first bytes are those of a picture or film.

@@ -3,7 +3,6 @@
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::inputs::are_one_file;
 use crate::output_format::Format;
 use crate::partial::{free_partial_path, remove_part};
 use crate::stdout::check_open;
@@ -314,6 +313,9 @@ pub(crate) fn check_files(
     pattern: &Path,
     no_clobber: bool,
 ) -> Result<(), Failure> {
+    if pattern == Path::new("-") {
+        return check_open();
+    }
     for file in files {
         match file.metadata() {
             Ok(old) if old.is_dir() => return Err(wrong(WriteError::IsFolder(file))),
@@ -342,6 +344,9 @@ pub(crate) fn write_with(
     options: WriteOptions,
     write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
 ) -> Result<(), Failure> {
+    if path == Path::new("-") {
+        check_open()?;
+    }
     write_atomically(path, options, write).map_err(wrong)
 }
 
@@ -363,10 +368,17 @@ fn begin_file(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<Atomic
     Ok(file)
 }
 
+/// Writes to the standard output.
+pub(crate) fn write_stdout(bytes: &[u8]) -> Result<(), Failure> {
+    write(Path::new("-"), WriteOptions::default(), bytes)
+}
+
 /// Writes a complete file or nothing; `-` is the standard output. Removes temporary files that a killed program left
 /// beside it.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    sweep(folder_of(path));
+    if path != Path::new("-") {
+        sweep(folder_of(path));
+    }
     write(path, WriteOptions::default(), bytes)
 }
 
@@ -379,19 +391,6 @@ fn folder_of(file: &Path) -> &Path {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
     }
-}
-
-/// Checks that the output of a flag is none of the files that are read for it. `-` is no file.
-///
-/// # Errors
-/// [`replaced`].
-pub(crate) fn check_inputs<'p>(
-    flag: &str,
-    output: &Path,
-    inputs: impl IntoIterator<Item = &'p PathBuf>,
-) -> Result<(), Failure> {
-    let is_input = output != Path::new("-") && inputs.into_iter().any(|input| are_one_file(output, input));
-    if is_input { Err(replaced(flag, output)) } else { Ok(()) }
 }
 
 /// The error that an output would replace one of its inputs.

@@ -7,7 +7,7 @@ use crate::failure::{Failure, reason};
 use crate::format::{count, plural};
 use crate::interrupt;
 use crate::partial::UNFINISHED;
-use crate::preview::PreviewFile;
+use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
@@ -195,6 +195,12 @@ pub(crate) fn samples_of_file(
     if decoded.metadata.iter().all(|(key, _)| key != SCENE_DIGEST) {
         return Err(failed("it isn't an EXR of a picture by paths that this program wrote".into()));
     }
+    if decoded.is_changed {
+        return Err(failed(
+            "its pixels aren't those that were written: it is damaged, or another program changed it".into(),
+        )
+        .help("render the picture from its first sample on"));
+    }
     for key in TELLING {
         let (theirs, own) = (of(&decoded.metadata, key), of(&own, key));
         if theirs != own {
@@ -282,8 +288,8 @@ pub(crate) struct PassObserver<'a> {
     limit: Option<Duration>,
     noise: Option<f32>,
     preview: Option<PreviewFile<'a>>,
+    is_quiet: bool,
     state: Mutex<PassTimes>,
-    failure: Mutex<Option<Failure>>,
 }
 
 /// The times of passes.
@@ -294,6 +300,8 @@ struct PassTimes {
     samples: u32,
     /// The time of the last preview.
     shown: Option<Instant>,
+    /// Whether a preview couldn't be written.
+    has_failed: bool,
 }
 
 /// The shortest time between two previews.
@@ -306,16 +314,11 @@ impl<'a> PassObserver<'a> {
         frame: u32,
         flags: &PassFlags,
         preview: Option<PreviewFile<'a>>,
+        is_quiet: bool,
     ) -> PassObserver<'a> {
         let now = Instant::now();
-        let state = Mutex::new(PassTimes { start: now, last: now, samples: 0, shown: None });
-        let (limit, noise, failure) = (flags.time, flags.noise, Mutex::new(None));
-        PassObserver { display, style, frame, limit, noise, preview, state, failure }
-    }
-
-    /// The failure of writing a preview, if there was one.
-    pub(crate) fn failure(self) -> Option<Failure> {
-        self.failure.into_inner().unwrap_or_else(PoisonError::into_inner)
+        let state = Mutex::new(PassTimes { start: now, last: now, samples: 0, shown: None, has_failed: false });
+        PassObserver { display, style, frame, limit: flags.time, noise: flags.noise, preview, is_quiet, state }
     }
 }
 
@@ -346,11 +349,12 @@ impl Observer for PassObserver<'_> {
         self.display.passed(PassState { samples: pass.samples, noise: asked, limit: self.limit });
         if let Some(preview) = &self.preview
             && pass.next.is_some()
+            && !state.has_failed
             && state.shown.is_none_or(|shown| shown.elapsed() > PREVIEW_PAUSE)
         {
             if let Err(failure) = preview.write(pass.picture, pass.samples) {
-                *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(failure);
-                return ControlFlow::Break(());
+                warn_unwritten("--preview", &failure, self.style, self.is_quiet);
+                state.has_failed = true;
             }
             state.shown = Some(Instant::now());
         }

@@ -22,7 +22,11 @@ pub(crate) fn picture_format(path: &Path) -> Option<PictureFormat> {
 
 /// Reads a picture.
 pub(crate) fn read_picture(path: &Path) -> Result<Decoded, Failure> {
-    let failed = |why: String| Failure::new(Exit::Failed, format!("can't read {}: {why}", path.display()));
+    let failed = |why: String| {
+        // Lack of memory isn't a mistake in a file.
+        let exit = if why.contains("there is no memory for") { Exit::Failed } else { Exit::Scene };
+        Failure::new(exit, format!("can't read {}: {why}", path.display()))
+    };
     let mut file = File::open(path).map_err(|e| failed(reason(&e)))?;
     // The first bytes identify the format before memory is allocated for the rest. The file may be a pipe or an endless
     // device.

@@ -1,15 +1,17 @@
 //! `--preview`: coarse pictures before the whole one, and the whole one while samples are added to it.
 
 use crate::complete::texts;
-use crate::failure::Failure;
+use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, PictureSize};
 use crate::interrupt;
 use crate::output::{Output, unfit};
 use crate::partial::UNFINISHED;
+use crate::progress::Style;
 use crate::settings::Settings;
 use canaletto::film::Picture;
 use canaletto::render::Job;
 use canaletto::scene::Scene;
+use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::picture::{Compression, EncodeSettings, Rendered, Window};
 
 /// The sides of the blocks of pixels that one ray stands for, in the order of the previews.
@@ -71,6 +73,16 @@ impl PreviewFile<'_> {
             return Ok(());
         }
         self.output.write(&self.output.path(self.job.frame), &bytes)
+    }
+}
+
+/// Warns that a picture besides the render's own can't be written. The render goes on without it.
+pub(crate) fn warn_unwritten(flag: &str, failure: &Failure, style: Style, is_quiet: bool) {
+    // The reader of a pipe may want no more.
+    let Failure::Message { message, .. } = failure else { return };
+    if !is_quiet {
+        let warning = Diagnostic::warning(flag, message).help("the render goes on without these pictures");
+        print_diagnostics(&warning.into(), style == Style::Json);
     }
 }
 

@@ -11,7 +11,7 @@ use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
 use crate::omissions::{doubt_omissions, shortfalls};
 use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
-use crate::preview::{Preview, PreviewFile, previews};
+use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, SampleReport, Times};
 use crate::settings::{Settings, metadata, sampling_words};
@@ -271,18 +271,14 @@ impl<'a> Series<'a> {
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
         let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
-        let observer = PassObserver::new(&watch, plan.style, frame, &self.flags.passes, preview);
+        let observer = PassObserver::new(&watch, plan.style, frame, &self.flags.passes, preview, self.flags.quiet);
         let rendered = match &start {
             Some(start) => render_on(world, &rendered_job, start, &observer)
                 .map(|rendering| (rendering, None))
                 .map_err(|error| Failure::new(Exit::Scene, format!("--continue: {error}"))),
             None => self.rendering(frame_context, world, &rendered_job, &observer),
         };
-        let failure = observer.failure();
         let render = watch.finish().as_secs_f64();
-        if let Some(failure) = failure {
-            return Err(failure);
-        }
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
         rendering.complete &= !interrupt::stops();
@@ -432,8 +428,14 @@ impl<'a> Series<'a> {
                 break;
             }
             let texts = &frame_context.texts;
-            let file =
-                self.writer.write_preview(&FramePicture { world, job, rendering: &rendering, texts }, preview)?;
+            let picture = FramePicture { world, job, rendering: &rendering, texts };
+            let file = match self.writer.write_preview(&picture, preview) {
+                Ok(file) => file,
+                Err(failure) => {
+                    warn_unwritten("--preview", &failure, self.plan.style, self.flags.quiet);
+                    break;
+                }
+            };
             if self.plan.style == Style::Json {
                 emit(&json!({ "event": "preview", "frame": job.frame, "block": block, "file": file }));
             }
@@ -469,7 +471,7 @@ impl<'a> Series<'a> {
         };
         let solved = self.solutions.solution(name, world, fingerprint, settings, observer, watcher)?;
         if let Some(failure) = writer.and_then(|writer| writer.failure) {
-            return Err(failure);
+            warn_unwritten("--shooting-steps", &failure, self.plan.style, self.flags.quiet);
         }
         match solved {
             Some((solution, source)) => {

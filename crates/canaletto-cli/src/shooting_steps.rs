@@ -3,6 +3,7 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::frame_writer::window;
+use crate::inputs::FileKey;
 use crate::interrupt;
 use crate::output::{Output, OutputFlags, numbered, unfit};
 use crate::output_format::Format;
@@ -76,8 +77,9 @@ impl StepPictures {
             return Err(Failure::usage(format!("--shooting-steps {}: steps are pictures", pattern.display()))
                 .help(format!("end the name in {}", Format::picture_extensions())));
         }
-        output.check([]).map_err(of_steps)?;
-        Ok(StepPictures { output, every })
+        let steps = StepPictures { output, every };
+        steps.output.check(if flags.no_clobber { steps.existing() } else { Vec::new() }).map_err(of_steps)?;
+        Ok(steps)
     }
 
     /// Whether there is a picture after a step.
@@ -92,9 +94,12 @@ impl StepPictures {
     pub(crate) fn is_name(&self, file: &Path) -> bool {
         let pattern = self.output.pattern();
         let Some((before, _, after)) = numbered(pattern) else { return false };
-        let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+        let folder = |path: &Path| match path.parent() {
+            Some(folder) if folder != Path::new("") => folder.to_owned(),
+            _ => PathBuf::from("."),
+        };
         let number = file.file_name().and_then(|name| name.to_str()?.strip_prefix(before)?.strip_suffix(after));
-        folder(pattern) == folder(file)
+        FileKey::of(&folder(pattern)) == FileKey::of(&folder(file))
             && number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))
     }
 

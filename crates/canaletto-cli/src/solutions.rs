@@ -2,8 +2,7 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::inputs::are_one_file;
-use crate::output::{check_files, check_inputs, write_with};
+use crate::output::{check_files, write_with};
 use canaletto::Named;
 use canaletto::integrator::radiosity::{
     RadiosityError, RadiositySolution, ShootingWatcher, SolutionFileError, SolutionFingerprint,
@@ -67,16 +66,11 @@ impl SolutionFlags {
         self.given().map_or(Ok(()), |flag| check_radiosity(flag, scene, integrator))
     }
 
-    /// Checks before rendering that the solution can be saved, and that it and the pictures don't replace each other.
-    pub(crate) fn check_files(&self, pictures: &[PathBuf], no_clobber: bool) -> Result<(), Failure> {
-        pictures.iter().try_for_each(|picture| check_inputs("--output", picture, &self.solution))?;
+    /// Checks before rendering that the solution can be saved.
+    pub(crate) fn check_file(&self, no_clobber: bool) -> Result<(), Failure> {
         let Some(file) = &self.save_solution else { return Ok(()) };
         if file == Path::new("-") {
             return Err(Failure::usage("--save-solution - : a solution needs a file").help("such as room.rad"));
-        }
-        if pictures.iter().any(|picture| are_one_file(picture, file)) {
-            return Err(Failure::usage(format!("--save-solution and --output are both {}", file.display()))
-                .help("choose another name for one of them"));
         }
         check_files([file.clone()], file, no_clobber)
     }

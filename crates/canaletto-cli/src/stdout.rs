@@ -2,14 +2,13 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::output::write_stdout;
+use canaletto_stdio::stdout_was_closed;
 use serde::Serialize;
-use std::io::{self, Write};
 
 /// Prints results.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
-    check_open()?;
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Failure::stdout(&e))
+    write_stdout(text.as_bytes())
 }
 
 /// Prints a value as indented JSON.
@@ -21,20 +20,5 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// Checks that there is a standard output. If the caller has closed it (`>&-`), results would be lost silently.
 pub(crate) fn check_open() -> Result<(), Failure> {
-    if is_closed() { Err(Failure::new(Exit::Failed, "the standard output is closed")) } else { Ok(()) }
-}
-
-/// Whether the standard output is closed. Before `main`, std opens `/dev/null` in its place for reading and writing. A
-/// redirection by the user opens it for writing only.
-#[cfg(target_os = "linux")]
-fn is_closed() -> bool {
-    use rustix::fs::{OFlags, fcntl_getfl, fstat, major, minor};
-    let out = io::stdout();
-    let is_null = fstat(&out).is_ok_and(|stat| (major(stat.st_rdev), minor(stat.st_rdev)) == (1, 3));
-    is_null && fcntl_getfl(&out).is_ok_and(|flags| flags & OFlags::ACCMODE == OFlags::RDWR)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn is_closed() -> bool {
-    false
+    if stdout_was_closed() { Err(Failure::new(Exit::Failed, "the standard output is closed")) } else { Ok(()) }
 }

@@ -450,9 +450,9 @@ fn compare_measures() {
     folder.run("compare a.png b.png -t rmse=0.001 -t psnr=10").says(4, &["rmse is over the threshold 0.001"]);
     let json: Value = serde_json::from_str(&folder.run("compare a.png b.png --json -t ssim=1").out()).unwrap();
     assert!(json["rmse"].as_f64().unwrap() > 0.001 && json["exceeded"][0] == "ssim");
-    folder.run("compare a.png small.png").says(1, &["different sizes"]);
-    folder.run("compare a.png nosuch.png").says(1, &["can't read nosuch.png: no such file"]);
-    folder.run("compare a.png s.kdl").says(1, &["can't read s.kdl", "no picture that can be read"]);
+    folder.run("compare a.png small.png").says(3, &["different sizes"]);
+    folder.run("compare a.png nosuch.png").says(3, &["can't read nosuch.png: no such file"]);
+    folder.run("compare a.png s.kdl").says(3, &["can't read s.kdl", "no picture that can be read"]);
     folder.run("compare a.png b.png -t rsme=1").says(2, &["did you mean rmse?"]);
 }
 

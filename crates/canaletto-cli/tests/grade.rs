@@ -78,8 +78,8 @@ fn formats_of_students() {
 
 #[test]
 fn wrong_inputs_are_named() {
-    says(&run(&["grade", GLASS, "none.png"]), 1, &["none.png"]);
-    says(&run(&["grade", GLASS, GLASS]), 1, &["fig-5.27b-glass.kdl"]);
+    says(&run(&["grade", GLASS, "none.png"]), 3, &["none.png"]);
+    says(&run(&["grade", GLASS, GLASS]), 3, &["fig-5.27b-glass.kdl"]);
     says(&run(&["grade", "none.kdl", "docs/pictures/fig-5.27b-glass.png"]), 3, &["none.kdl"]);
     let picture = "docs/pictures/fig-5.27b-glass.png";
     says(&run(&["grade", GLASS, picture, "--integrator", "zbuffer"]), 2, &["classic integrator"]);

@@ -1,12 +1,13 @@
 //! `canaletto bake`: a scene with its diffuse light in textures, for viewers and game engines.
 
 use crate::command::render::stem;
+use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::{SourceFlags, named};
 use crate::format::{bytes, count, duration, plural};
 use crate::interrupt;
-use crate::output::{check_files, replaced, unfit, write_files};
+use crate::output::{check_files, unfit, write_files};
 use crate::progress::{ProgressDisplay, ProgressFlag, RunProgress, Style, emit};
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
@@ -117,16 +118,16 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let format = format_of(&output)?;
     let files: Vec<PathBuf> = format.endings(flags.maps).iter().map(|ending| beside(&output, ending)).collect();
     check_files(files.clone(), &output, flags.no_clobber)?;
-    SolutionFlags::from(&flags.solution).check_files(&files, flags.no_clobber)?;
+    let table = CommandFiles::default().reads("--solution", &flags.solution.solution);
+    let table = table.writes("--output", files.clone());
+    table.check()?;
     let mut reader = Reader::open(&flags.source, None)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     if !flags.quiet {
         print_diagnostics(&source.warnings, flags.progress == ProgressFlag::Json);
     }
-    if let Some(file) = reader.replaced_by(files.clone()) {
-        return Err(replaced("--output", &file));
-    }
+    table.check_scene(&reader)?;
     check_room(flags)?;
     let name = source.name;
     let shown = Shown::of(&source.scene, flags);

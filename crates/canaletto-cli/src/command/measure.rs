@@ -1,12 +1,13 @@
 //! `canaletto measure`: the light at points, as a light meter reads it.
 
+use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::SourceFlags;
 use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::omissions::shortfalls;
-use crate::output::{check_inputs, replaced, write_file};
+use crate::output::{check_files, write_file};
 use crate::points::read_points;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
@@ -118,6 +119,10 @@ pub(crate) fn run(flags: &MeasureFlags) -> Result<Exit, Failure> {
 
 fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let begun = Instant::now();
+    let files = CommandFiles::default().reads("--points", [&flags.points]);
+    let files = files.reads("--solution", &flags.solution.solution).writes("--output", [flags.output.clone()]);
+    files.check()?;
+    check_files([flags.output.clone()], &flags.output, false)?;
     let points = read_points(&flags.points)?;
     let mut reader = Reader::open(&flags.source, None)?;
     reader.use_no_camera();
@@ -125,10 +130,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     if !flags.quiet {
         print_diagnostics(&source.warnings, false);
     }
-    if let Some(file) = reader.replaced_by([flags.output.clone()]) {
-        return Err(replaced("--output", &file));
-    }
-    check_inputs("--output", &flags.output, [&flags.points].into_iter().chain(&flags.solution.solution))?;
+    files.check_scene(&reader)?;
     let path_settings = match source.scene.integrator {
         Integrator::Path(settings) => Some(settings),
         _ => None,

@@ -4,6 +4,7 @@
 use super::channels::{fill_channel, picture_channels};
 use super::exr_part::write_exr_part;
 use super::format::{Capabilities, EncodeSettings, Encoder, FormatInfo, GoesOn};
+use super::pixel_hash::{PIXEL_HASH, PixelHash};
 use super::{Channel, Compression, Decoded, Image, PictureError, SOFTWARE, Window, check};
 use crate::image::ImageError;
 use crate::image::exr::{File, floats, is_exr, size};
@@ -124,7 +125,12 @@ fn encode_exr_while(
         channels.push(ex::AnyChannel::new(name(&channel.name)?, samples(channel, options)));
     }
     let mut attributes = ex::LayerAttributes { software_name: Some(SOFTWARE.into()), ..Default::default() };
-    for (key, value) in metadata {
+    let stored = |channel: &Channel, pixel: usize| match channel.ids.get(pixel) {
+        Some(id) => *id as f32,
+        None => kind(&channel.name, options).stored(channel.data[pixel]),
+    };
+    let pixels = (PIXEL_HASH.to_owned(), hash(image, stored).text());
+    for (key, value) in metadata.iter().filter(|(key, _)| key != PIXEL_HASH).chain([&pixels]) {
         attributes.other.insert(name(key)?, ex::AttributeValue::Text(to_utf8(value)));
     }
     let compression = if options.uncompressed { ex::Compression::Uncompressed } else { ex::Compression::ZIP16 };
@@ -321,7 +327,29 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     metadata.sort();
     check(&image)?;
     let bits = bits(image.channels.iter().map(|channel| channel.name.as_str()).zip(are_half));
-    Ok(Decoded { image, bits, transfer: Some(Transfer::None), metadata, window, left_out, display_referred: false })
+    let told = metadata.iter().position(|(key, _)| key == PIXEL_HASH).map(|place| metadata.remove(place).1);
+    let is_changed = told.is_some_and(|told| !many && told != hash(&image, |channel, v| channel.data[v]).text());
+    Ok(Decoded {
+        image,
+        bits,
+        transfer: Some(Transfer::None),
+        metadata,
+        window,
+        left_out,
+        is_changed,
+        display_referred: false,
+    })
+}
+
+/// The hash of an image whose channels have these values at a pixel.
+fn hash(image: &Image, value: impl Fn(&Channel, usize) -> f32) -> PixelHash {
+    let (mut hash, width) = (PixelHash::default(), image.width as usize);
+    for channel in &image.channels {
+        for row in 0..image.height as usize {
+            hash.add_row(&channel.name, row, (row * width..(row + 1) * width).map(|pixel| value(channel, pixel)));
+        }
+    }
+    hash
 }
 
 /// Whether a channel is red, green, blue or grey of the picture itself.

@@ -5,8 +5,10 @@
 //! bytes. The rest of a picture therefore costs almost nothing after the deadline.
 
 use super::exr::{ExrOptions, Kind, attributes, encode_exr, kind};
+use super::pixel_hash::{PIXEL_HASH, PixelHash};
 use super::{Channel, Image, PartError, PictureError, Window};
 use ::exr::prelude::f16;
+use canaletto::texture::from_half;
 use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
 
@@ -28,7 +30,9 @@ pub(super) fn write_exr_part(
     goes_on: impl Fn() -> bool,
 ) -> Result<u32, PartError> {
     let window = options.window.unwrap_or(Window::whole(width, height));
-    let mut file = head([width, height], channels, ExrOptions { window: Some(window), ..options }, metadata)?;
+    let (mut file, hash_place) =
+        head([width, height], channels, ExrOptions { window: Some(window), ..options }, metadata)?;
+    let mut hash = PixelHash::default();
     let mut order: Vec<usize> = (0..channels.len()).collect();
     order.sort_by_key(|channel| channels[*channel].as_bytes());
     let kinds: Vec<Kind> = channels.iter().map(|name| kind(name, options)).collect();
@@ -54,6 +58,7 @@ pub(super) fn write_exr_part(
             for &channel in &order {
                 fill(channel, y * width as usize..(y + 1) * width as usize, &mut values);
                 kinds[channel].put(&values, &mut file);
+                hash.add_row(&channels[channel], y, values.iter().map(|v| kinds[channel].stored(*v)));
             }
             file[start + 4..].iter().all(|byte| *byte == 0)
         } else {
@@ -70,6 +75,8 @@ pub(super) fn write_exr_part(
     out.write_all(&file)?;
     out.seek(SeekFrom::Start(table as u64))?;
     out.write_all(&offsets.iter().flat_map(|offset| offset.to_le_bytes()).collect::<Vec<u8>>())?;
+    out.seek(SeekFrom::Start(hash_place as u64))?;
+    out.write_all(hash.text().as_bytes())?;
     out.seek(SeekFrom::End(0))?;
     Ok(rows)
 }
@@ -77,23 +84,26 @@ pub(super) fn write_exr_part(
 /// The buffer size in bytes.
 const BUFFER: usize = 1 << 20;
 
-/// The bytes before the table of rows: the header of a one-row picture, with another height and compression.
+/// The bytes before the table of rows, and the place of the pixels' hash in them: the header of a one-row picture, with
+/// another height and compression.
 fn head(
     [width, height]: [u32; 2],
     channels: &[String],
     options: ExrOptions,
     metadata: &[(String, String)],
-) -> Result<Vec<u8>, PictureError> {
+) -> Result<(Vec<u8>, usize), PictureError> {
     const RLE: u8 = 1;
     let row = |name: &String| Channel::new(name.clone(), vec![0.0; width as usize]);
     let image = Image { width, height: 1, channels: channels.iter().map(row).collect() };
     let mut bytes = encode_exr(&image, ExrOptions { uncompressed: true, ..options }, metadata)?;
-    let mut end = 8;
+    let (mut end, mut hash_place) = (8, 0);
     for attribute in attributes(&bytes) {
         end = attribute.end;
         let text = &bytes[attribute.clone()];
         if text.starts_with(b"compression\0") {
             bytes[attribute.end - 1] = RLE;
+        } else if text.starts_with(format!("{PIXEL_HASH}\0").as_bytes()) {
+            hash_place = attribute.end - PixelHash::default().text().len();
         } else if text.starts_with(b"dataWindow\0") {
             let at = attribute.end - 4;
             let last = i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
@@ -101,7 +111,7 @@ fn head(
         }
     }
     bytes.truncate(end + 1);
-    Ok(bytes)
+    Ok((bytes, hash_place))
 }
 
 /// The run-length code of a row of `size` zero bytes: differences of neighbours with offset 128, in runs of up to 128.
@@ -130,6 +140,15 @@ impl Kind {
             Kind::Half => out.extend(values.iter().flat_map(|v| Kind::half(*v).to_le_bytes())),
             Kind::Uint => out.extend(values.iter().flat_map(|v| (*v as u32).to_le_bytes())),
             Kind::Float => out.extend(values.iter().flat_map(|v| v.to_le_bytes())),
+        }
+    }
+
+    /// A value as it is read from the file.
+    pub(super) fn stored(self, v: f32) -> f32 {
+        match self {
+            Kind::Half => from_half(Kind::half(v).to_bits()),
+            Kind::Uint => v as u32 as f32,
+            Kind::Float => v,
         }
     }
 

@@ -8,6 +8,7 @@ mod exr_part;
 mod flip;
 mod format;
 mod label;
+mod pixel_hash;
 mod png;
 mod pnm;
 mod rest;
@@ -127,6 +128,9 @@ pub struct Decoded {
     pub window: Window,
     /// The names of parts that aren't aligned with the picture because their size or position differs.
     pub left_out: Vec<String>,
+    /// Whether the pixels aren't those that this program wrote: the file is damaged, or another program changed it.
+    /// Only files that hold a hash of their pixels tell.
+    pub is_changed: bool,
     /// Whether the values are display values, possibly encoded by their transfer curve. Otherwise they are linear light
     /// of any range.
     pub display_referred: bool,

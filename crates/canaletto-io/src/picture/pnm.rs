@@ -73,6 +73,7 @@ fn decode_pnm(bytes: &[u8]) -> Result<Decoded, PictureError> {
         metadata: Vec::new(),
         window: Window::whole(width, height),
         left_out: Vec::new(),
+        is_changed: false,
         display_referred: true,
     })
 }

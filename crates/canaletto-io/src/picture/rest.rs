@@ -232,6 +232,7 @@ mod tests {
             metadata: Vec::new(),
             window: Window::whole(2, 2),
             left_out: Vec::new(),
+            is_changed: false,
             display_referred: false,
         }
     }

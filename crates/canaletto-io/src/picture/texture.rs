@@ -54,6 +54,7 @@ fn picture(image: &texture::Image) -> Decoded {
         metadata: Vec::new(),
         window: Window::whole(image.width, image.height),
         left_out: Vec::new(),
+        is_changed: false,
         display_referred,
     }
 }

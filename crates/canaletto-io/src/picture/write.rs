@@ -6,6 +6,8 @@ use super::temporary::{link, replace, unnamed};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 use tempfile::NamedTempFile;
 
 /// Options of writing.
@@ -167,7 +169,7 @@ impl AtomicFile {
     pub fn handle(&self) -> Result<Box<dyn Write + Send>, WriteError> {
         let clone = |file: &File| file.try_clone().map_err(|reason| self.failed(reason));
         Ok(match &self.place {
-            Place::Stdout => Box::new(io::stdout()),
+            Place::Stdout => Box::new(PatientStdout),
             Place::Direct(file) => Box::new(clone(file)?),
             #[cfg(target_os = "linux")]
             Place::Unnamed(file, _) => Box::new(clone(file)?),
@@ -197,7 +199,7 @@ impl AtomicFile {
             _ => failed(reason),
         };
         let target = match place {
-            Place::Stdout => return io::stdout().flush().map_err(failed),
+            Place::Stdout => return PatientStdout.flush().map_err(failed),
             Place::Direct(_) => return Ok(()),
             #[cfg(target_os = "linux")]
             Place::Unnamed(file, target) => {
@@ -228,6 +230,31 @@ impl AtomicFile {
             sync_folder(folder_of(&target)).map_err(failed)?;
         }
         Ok(())
+    }
+}
+
+/// The standard output. Where its reader is slow and it doesn't block, as pipes of some callers, writing waits.
+struct PatientStdout;
+
+impl PatientStdout {
+    fn wait_for<T>(mut action: impl FnMut(&mut io::StdoutLock<'static>) -> io::Result<T>) -> io::Result<T> {
+        const PAUSE: Duration = Duration::from_millis(2);
+        loop {
+            match action(&mut io::stdout().lock()) {
+                Err(full) if full.kind() == io::ErrorKind::WouldBlock => thread::sleep(PAUSE),
+                done => return done,
+            }
+        }
+    }
+}
+
+impl Write for PatientStdout {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        PatientStdout::wait_for(|out| out.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        PatientStdout::wait_for(Write::flush)
     }
 }
 

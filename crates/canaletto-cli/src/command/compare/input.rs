@@ -33,14 +33,14 @@ pub(in crate::command) fn read(path: &Path, layer: Option<&str>) -> Result<Input
 fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
     let names: Vec<&str> = decoded.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     let message = format!("{} has no channels R G B or Y; it has {}", path.display(), list(&names));
-    Failure::new(Exit::Failed, message).help(
+    Failure::new(Exit::Scene, message).help(
         "choose what is compared with --layer NAME: the part of a channel before its last point, or all of one without",
     )
 }
 
 fn no_layer(path: &Path, layer: &str, layers: &[String]) -> Failure {
     let names: Vec<&str> = layers.iter().map(String::as_str).collect();
-    let failure = Failure::new(Exit::Failed, format!("{} has no layer \"{layer}\"", path.display()));
+    let failure = Failure::new(Exit::Scene, format!("{} has no layer \"{layer}\"", path.display()));
     match closest_word(layer, names.iter().copied()) {
         Some(near) => failure.help(format!("did you mean \"{near}\"?")),
         None => failure.help(format!("its layers are: {}", list(&names))),

@@ -3,10 +3,11 @@
 mod input;
 mod report;
 
+use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags;
-use crate::output::{check_inputs, unfit, write_file};
+use crate::output::{unfit, write_file};
 use crate::output_format::Format;
 use crate::stdout::{print, print_json};
 use canaletto::scene::Transfer;
@@ -146,12 +147,10 @@ fn factor(text: &str) -> Result<f32, String> {
 
 /// Runs the command.
 pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
-    if let Some(diff) = &flags.diff {
-        check_inputs("--diff", diff, [&flags.a, &flags.b])?;
-    }
+    let files = CommandFiles::default().reads("A", [&flags.a]).reads("B", [&flags.b]);
+    files.writes("--diff", flags.diff.clone()).check()?;
     let (a, b) = (read(&flags.a, flags.layer.as_deref())?, read(&flags.b, flags.layer.as_deref())?);
-    let wrong =
-        |e: Unequal| Failure::new(Exit::Failed, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
+    let wrong = |e: Unequal| Failure::new(Exit::Scene, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
     let same_size = (a.decoded.image.width, a.decoded.image.height) == (b.decoded.image.width, b.decoded.image.height);
     let mut rest = if same_size && flags.layer.is_none() {
         RestDifference::of(&a.decoded, &b.decoded)
@@ -234,7 +233,7 @@ fn write_difference(flags: &CompareFlags, path: &Path, a: &Image, b: &Image, max
     let is_linear = format.capabilities().is_some_and(|can| can.linear);
     let largest = if max > 0.0 && max.is_finite() { (1.0 / max) as f32 } else { 1.0 };
     let scale = flags.diff_scale.unwrap_or(if is_linear { 1.0 } else { largest });
-    let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Failed, e))?;
+    let image = difference(a, b, scale).map_err(|e| Failure::new(Exit::Scene, e))?;
     let texts = [("scale".to_owned(), scale.to_string())];
     let bytes = format.encode_image(&image, Transfer::None, &EncodeSettings::default(), &texts);
     write_file(path, &bytes.map_err(|e| unfit(&e))?)?;

@@ -4,6 +4,7 @@ mod cause_picture;
 mod report;
 
 use crate::command::render::stem;
+use crate::command_files::CommandFiles;
 use crate::complete::texts;
 use crate::exit::Exit;
 use crate::failure::Failure;
@@ -11,7 +12,7 @@ use crate::flags::{MessageFlags, PictureFlags, SourceFlags, named};
 use crate::format::bytes;
 use crate::frame_writer::window;
 use crate::omissions::doubt_omissions;
-use crate::output::{Output, OutputFlags, replaced, unfit};
+use crate::output::{Output, OutputFlags, unfit};
 use crate::progress::ProgressDisplay;
 use crate::settings::{Settings, metadata};
 use crate::source::{Reader, build, on_threads, seen_through};
@@ -182,9 +183,9 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     let file = output.path(frame);
     let files = || methods.iter().map(|method| method.file.clone()).chain([file.clone()]);
     output.check(files())?;
-    if let Some(file) = reader.replaced_by(files()) {
-        return Err(replaced("--output", &file));
-    }
+    let table = CommandFiles::default().writes("--output", files());
+    table.check()?;
+    table.check_scene(&reader)?;
     check_room(&methods)?;
     let options = seen_through(&camera, &source.scene, flags.source.build_options(0));
     let (world, _) = build(&source.name, source.scene, &options, None)?;

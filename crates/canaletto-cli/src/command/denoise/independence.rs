@@ -30,7 +30,7 @@ pub(super) fn check(
     same_colors: impl FnOnce() -> bool,
 ) -> Result<(), Failure> {
     let [a, b] = names.map(Path::display);
-    let failed = |why: String| Failure::new(Exit::Failed, format!("{a} and {b} aren't independent: {why}"));
+    let failed = |why: String| Failure::new(Exit::Scene, format!("{a} and {b} aren't independent: {why}"));
     let samples = pictures.map(Samples::of);
     let [Some(first), Some(second)] = &samples else {
         return if same_colors() {

@@ -2,11 +2,12 @@
 
 mod independence;
 
+use crate::command_files::CommandFiles;
 use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
-use crate::output::{check_files, check_inputs, unfit, write_file};
+use crate::output::{check_files, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
 use crate::settings::list;
@@ -91,7 +92,8 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     };
     flags.denoiser.check()?;
     check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
-    check_inputs("--output", &flags.output, [&flags.picture].into_iter().chain(&flags.other))?;
+    let inputs = CommandFiles::default().reads("PICTURE", [&flags.picture]).reads("OTHER", &flags.other);
+    inputs.writes("--output", [flags.output.clone()]).check()?;
     if let Some(other) = &flags.other {
         independence::check_files([&flags.picture, other])?;
     }
@@ -109,7 +111,7 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
                 b.width,
                 b.height
             );
-            return Err(Failure::new(Exit::Failed, message).help("both pictures show the same scene in the same size"));
+            return Err(Failure::new(Exit::Scene, message).help("both pictures show the same scene in the same size"));
         }
         independence::check([&flags.picture, other], [&decoded, &second], || noisy.color == half.color)?;
         let mean = noisy.color.iter().zip(&half.color).map(|(a, b)| (*a + *b) * 0.5).collect();
@@ -158,14 +160,19 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
 fn read(path: &Path, is_quiet: bool) -> Result<(Decoded, NoisyPicture), Failure> {
     let mut decoded = read_picture(path)?;
     let name = path.display();
+    if decoded.is_changed {
+        let message =
+            format!("{name}: its pixels aren't those that were written: it is damaged, or another program changed it");
+        return Err(Failure::new(Exit::Scene, message).help("give the picture as it was rendered"));
+    }
     if decoded.display_referred {
-        return Err(Failure::new(Exit::Failed, format!("{name} has display values, but denoising needs linear light"))
+        return Err(Failure::new(Exit::Scene, format!("{name} has display values, but denoising needs linear light"))
             .help("render the picture into an OpenEXR file, such as --output noisy.exr"));
     }
     let noisy = Aov::Noisy.name();
     if decoded.image.channel(&format!("{noisy}.R")).is_some() {
         let message = format!("{name} is denoised already: its layer {noisy} is what it was");
-        return Err(Failure::new(Exit::Failed, message).help("give the picture as it was rendered"));
+        return Err(Failure::new(Exit::Scene, message).help("give the picture as it was rendered"));
     }
     if decoded.image.rgb().is_none() {
         let failure = no_colors(path, &decoded);
@@ -184,6 +191,6 @@ fn read(path: &Path, is_quiet: bool) -> Result<(Decoded, NoisyPicture), Failure>
 fn no_colors(path: &Path, decoded: &Decoded) -> Failure {
     let names: Vec<&str> = decoded.image.channels.iter().map(|channel| channel.name.as_str()).collect();
     let what = "has no channels R G B or Y, and no single layer of colours";
-    Failure::new(Exit::Failed, format!("{} {what}; it has {}", path.display(), list(&names)))
+    Failure::new(Exit::Scene, format!("{} {what}; it has {}", path.display(), list(&names)))
         .help("the noisy colours are channels R G B of the picture, or of its only layer with them, such as Combined.R")
 }

@@ -2,9 +2,9 @@
 
 use super::ExplainFlags;
 use super::data_url::data_url;
+use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
-use crate::output::replaced;
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
@@ -15,7 +15,6 @@ use canaletto::render::Job;
 use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
 use canaletto::world::World;
 use serde::Serialize;
-use std::path::Path;
 use std::sync::Arc;
 
 /// What is explained.
@@ -98,18 +97,16 @@ pub(super) struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// Reads and builds the scene.
     pub(super) fn open(flags: &'a ExplainFlags) -> Result<Subject<'a>, Failure> {
+        let files = CommandFiles::default().reads("--solution", &flags.solution.solution);
+        let files = files.writes("--svg", flags.svg.clone()).writes("--html", flags.html.clone());
+        files.check()?;
         let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
         if flags.ray.is_some() {
             reader.use_no_camera();
         }
         let mut source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
         print_diagnostics(&source.warnings, false);
-        for (flag, file) in [("--svg", &flags.svg), ("--html", &flags.html)] {
-            let file = file.clone().filter(|file| file != Path::new("-"));
-            if let Some(input) = file.and_then(|file| reader.replaced_by([file])) {
-                return Err(replaced(flag, &input));
-            }
-        }
+        files.check_scene(&reader)?;
         if flags.ray.is_some() && source.scene.views.is_empty() {
             // A ray has no camera, but a job has one.
             source.scene.views.push(View {

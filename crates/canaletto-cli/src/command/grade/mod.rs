@@ -104,7 +104,7 @@ fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
 fn student_picture(path: &Path, input: &Input, job: &Job) -> Result<StudentPicture, Failure> {
     let image = input.seen(job.film.transfer, None);
     let Some([r, g, b]) = image.rgb() else {
-        return Err(Failure::new(Exit::Failed, format!("{} has no colours", path.display())));
+        return Err(Failure::new(Exit::Scene, format!("{} has no colours", path.display())));
     };
     let pixels = (0..r.len()).map(|i| [r[i], g[i], b[i]]).collect();
     let tolerance = match picture_format(path) {

@@ -3,12 +3,13 @@
 mod sheet;
 
 use crate::command::render::stem;
+use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, SourceFlags};
 use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::layers::developed;
-use crate::output::{Output, OutputFlags, replaced};
+use crate::output::{Output, OutputFlags};
 use crate::progress::Style;
 use crate::settings::{Settings, classic, sampling_words};
 use crate::source::{Reader, build, on_threads, seen_through};
@@ -109,9 +110,7 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let job = Job { frame, ..settings.job };
     let file = output.path(frame);
     output.check([file.clone()])?;
-    if let Some(file) = reader.replaced_by([file.clone()]) {
-        return Err(replaced("--output", &file));
-    }
+    CommandFiles::default().writes("--output", [file.clone()]).check_scene(&reader)?;
     let [_, _, width, height] = job.window();
     check_room([width, height])?;
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));

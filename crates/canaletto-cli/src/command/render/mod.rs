@@ -5,6 +5,7 @@ mod plan;
 
 pub(crate) use plan::Plan;
 
+use crate::command_files::CommandFiles;
 use crate::denoiser::Denoiser;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
@@ -12,7 +13,7 @@ use crate::flags::{PictureFlags, SourceFlags};
 use crate::frames::{FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
-use crate::output::{OutputFlags, replaced};
+use crate::output::OutputFlags;
 use crate::output_format::Format;
 use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
@@ -28,7 +29,6 @@ use canaletto::render::Aov;
 use canaletto_io::text::closest_word;
 use clap::Args;
 use dry_run::{dry_run, room};
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Renders a scene or a model to a picture.
@@ -188,22 +188,37 @@ impl Task {
         }
         let plan = Plan::new(&flags, style, &reader)?;
         plan.output.check(plan.all_files())?;
-        let pictures: Vec<PathBuf> = if plan.output.is_stdout() { Vec::new() } else { plan.all_files().collect() };
-        flags.solution.check_files(&pictures, flags.output.no_clobber)?;
-        Ok(Task { flags, plan, reader })
+        flags.solution.check_file(flags.output.no_clobber)?;
+        let task = Task { flags, plan, reader };
+        task.files().check()?;
+        // Samples may be gone on with into their own file, but nothing else may replace them before they are read.
+        task.others().reads("--continue", &task.flags.passes.continue_from).check()?;
+        Ok(task)
     }
 
-    /// All files that this task may write.
-    fn outputs(&self) -> Vec<PathBuf> {
+    /// All files that this task may write, and those that flags name to be read.
+    fn files(&self) -> CommandFiles {
+        let (pictures, preview) = (self.plan.all_files(), self.flags.preview.clone().flatten());
+        let parts = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
+        self.solution_and_steps()
+            .reads("--solution", &self.flags.solution.solution)
+            .writes("--output", pictures)
+            .writes("--output", parts.flat_map(|file| [partial(&file), partial(&with_samples(&file))]))
+            .writes("--preview", preview)
+    }
+
+    /// The files besides the pictures themselves: layers, and pictures in the making.
+    fn others(&self) -> CommandFiles {
+        let preview = self.plan.preview.iter().map(|preview| preview.path(self.plan.frames.first));
+        let layers = self.plan.frames.iter().flat_map(|frame| self.plan.files(frame).into_iter().skip(1));
+        self.solution_and_steps().writes("--preview", preview).writes("--aov", layers)
+    }
+
+    fn solution_and_steps(&self) -> CommandFiles {
         let steps = self.plan.steps.iter().flat_map(StepPictures::existing);
-        let preview = self.flags.preview.clone().flatten();
-        let pictures = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
-        pictures
-            .flat_map(|file| [partial(&file), partial(&with_samples(&file)), file])
-            .chain(self.flags.solution.save_solution.clone())
-            .chain(preview)
-            .chain(steps)
-            .collect()
+        CommandFiles::default()
+            .writes("--save-solution", self.flags.solution.save_solution.clone())
+            .writes("--shooting-steps", steps)
     }
 }
 
@@ -225,9 +240,9 @@ fn one(flags: &RenderFlags) -> Result<Exit, Failure> {
     let mut flags = flags.clone();
     flags.output.output = flags.output.output.as_deref().map(|output| own_output(&flags, output, &flags.source.scene));
     let task = Task::new(flags)?;
-    let outputs = task.outputs();
+    let files = task.files();
     let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
-    on_pool(task, &outputs, &mut solutions)
+    on_pool(task, &files, &mut solutions)
 }
 
 /// Stands for the scene's name in --output.
@@ -273,31 +288,34 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
         exit = if exit == Exit::Done { failure.exit() } else { exit };
     };
     let mut tasks: Vec<Task> = Vec::new();
-    let mut outputs: HashSet<PathBuf> = HashSet::new();
+    let mut files = CommandFiles::default();
     for scene in [&flags.source.scene].into_iter().chain(&flags.more) {
         let mut own = RenderFlags { more: Vec::new(), ..flags.clone() };
         own.source.scene = scene.clone();
         own.output.output = output.map(|output| own_output(flags, output, scene));
         match Task::new(own) {
             Ok(task) => {
-                if let Some(file) = task.plan.all_files().find(|file| outputs.contains(file)) {
-                    return Err(Failure::usage(format!("two scenes would be rendered to {}", file.display()))
-                        .help("render them one by one, each with an --output of its own"));
-                }
-                outputs.extend(task.outputs());
+                files = files.and(task.files());
                 tasks.push(task);
             }
             Err(failure) if failure.exit() == Exit::Usage => return Err(failure),
             Err(failure) => fail(&failure),
         }
     }
-    let outputs: Vec<PathBuf> = outputs.into_iter().collect();
-    if let Some(file) = overwritten_input(&mut tasks, &outputs) {
-        return Err(replaced("--output", &file));
+    if let Some(file) = files.written_twice() {
+        return Err(Failure::usage(format!("two scenes would be rendered to {}", file.display()))
+            .help("render them one by one, each with an --output of its own"));
+    }
+    for task in &mut tasks {
+        if files.exist() {
+            // Errors of a scene are reported when it is rendered.
+            let _ = task.reader.at(task.plan.frames.first);
+            files.check_scene(&task.reader)?;
+        }
     }
     let mut solutions = Solutions::default();
     for task in tasks {
-        match on_pool(task, &outputs, &mut solutions) {
+        match on_pool(task, &files, &mut solutions) {
             Ok(Exit::Interrupted) => return Ok(Exit::Interrupted),
             Ok(_) => {}
             Err(failure) => fail(&failure),
@@ -306,27 +324,14 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// An output that would replace a file which a later scene reads. If any output exists already, all scenes are read
-/// once more to find out.
-fn overwritten_input(tasks: &mut [Task], outputs: &[PathBuf]) -> Option<PathBuf> {
-    if !outputs.iter().any(|file| file.exists()) {
-        return None;
-    }
-    tasks.iter_mut().find_map(|task| {
-        // Errors of a scene are reported when it is rendered.
-        let _ = task.reader.at(task.plan.frames.first);
-        task.reader.replaced_by(outputs.iter().cloned())
-    })
-}
-
 /// A scene's name without its extension.
 pub(crate) fn stem(scene: &Path) -> String {
     let own = scene.file_stem().filter(|_| scene != Path::new(STDIN));
     own.map_or_else(|| "picture".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Renders a scene. `outputs` are the files of all scenes; none may replace a file that this scene reads.
-fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result<Exit, Failure> {
+/// Renders a scene. `files` are those of all scenes; none may replace a file that this scene reads.
+fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Result<Exit, Failure> {
     let Task { flags, plan, mut reader } = task;
     let (flags, plan) = (&flags, &plan);
     let source = reader.at(plan.frames.first)?;
@@ -342,14 +347,7 @@ fn on_pool(task: Task, outputs: &[PathBuf], solutions: &mut Solutions) -> Result
     let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
     solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
     room(&plan.aovs, [width, height])?;
-    if let Some(file) = reader.replaced_by(outputs.iter().cloned()) {
-        let flag = match &flags.solution.save_solution {
-            Some(solution) if *solution == file => "--save-solution",
-            _ if plan.steps.as_ref().is_some_and(|steps| steps.is_name(&file)) => "--shooting-steps",
-            _ => "--output",
-        };
-        return Err(replaced(flag, &file));
-    }
+    files.check_scene(&reader)?;
     if plan.frames.count() > 1 && !reader.timeline().moves && !flags.quiet {
         print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);
     }

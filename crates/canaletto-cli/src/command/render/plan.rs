@@ -72,7 +72,7 @@ impl Plan {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
-        let steps = steps(flags, &output, frames)?;
+        let steps = steps(flags, &output, &aovs, frames)?;
         Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps, preview })
     }
 
@@ -115,15 +115,23 @@ fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Fra
 }
 
 /// The pictures after steps of shooting.
-fn steps(flags: &RenderFlags, output: &Output, frames: Frames) -> Result<Option<StepPictures>, Failure> {
+fn steps(
+    flags: &RenderFlags,
+    output: &Output,
+    layers: &[Aov],
+    frames: Frames,
+) -> Result<Option<StepPictures>, Failure> {
     let Some(pattern) = &flags.shooting.shooting_steps else { return Ok(None) };
     if frames.count() > 1 {
         return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
             .help(format!("give one of them, such as --frames {}", frames.first)));
     }
     let steps = StepPictures::new(pattern, flags.shooting.shooting_every, &flags.output)?;
-    let other = [Some(output.path(frames.first)), flags.solution.save_solution.clone()];
-    match other.into_iter().flatten().find(|file| steps.is_name(file)) {
+    let layers = layers.iter().map(|aov| output.layer_path(frames.first, aov.name()));
+    let others = [flags.solution.save_solution.clone(), flags.preview.clone().flatten()].into_iter().flatten();
+    let kept = flags.passes.continue_from.clone();
+    let all = [output.path(frames.first)].into_iter().chain(layers).chain(others).chain(kept);
+    match all.into_iter().find(|file| steps.is_name(file)) {
         Some(file) => {
             Err(Failure::usage(format!("--shooting-steps {} may replace {}", pattern.display(), file.display()))
                 .help("choose another name for the steps"))

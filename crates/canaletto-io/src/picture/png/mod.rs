@@ -281,7 +281,16 @@ fn decode_png(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let image = Image { width, height, channels: named(channels, &samples) };
     check(&image)?;
     let window = Window::whole(image.width, image.height);
-    Ok(Decoded { image, bits, transfer, metadata: texts, window, left_out: Vec::new(), display_referred: true })
+    Ok(Decoded {
+        image,
+        bits,
+        transfer,
+        metadata: texts,
+        window,
+        left_out: Vec::new(),
+        is_changed: false,
+        display_referred: true,
+    })
 }
 
 #[cfg(test)]
