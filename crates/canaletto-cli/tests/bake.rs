@@ -155,3 +155,27 @@ fn scenes_without_settings_and_with_planes() {
     let accessor = &json["accessors"][positions];
     assert_eq!((accessor["min"][1].as_f64(), accessor["max"][1].as_f64()), (Some(-1.0), Some(-1.0)));
 }
+
+/// A plane outside the bounds of all other surfaces is baked below them. What isn't baked is named.
+#[test]
+fn nothing_is_left_out_in_silence() {
+    let folder = Folder::new();
+    let scene = |height: f32| {
+        format!(
+            "camera {{ eye 0 3 9; center 0 0 0; size 32 24 }}\nintegrator \"radiosity\" {{ error 0.1 }}\n\
+             material \"w\" {{ kd 0.6 }}\nmaterial \"e\" {{ kd 0; emission 5 }}\n\
+             disk material=\"e\" {{ center 0 4 0; normal 0 -1 0; radius 1 }}\n\
+             box name=\"crate\" material=\"w\" {{ min -0.1 4.5 -0.1; max 0.1 4.6 0.1 }}\n\
+             box name=\"core\" material=\"w\" {{ min -0.01 4.54 -0.01; max 0.01 4.56 0.01 }}\n\
+             plane name=\"ground\" material=\"w\" {{ point 0 {height} 0; normal 0 1 0 }}\n"
+        )
+    };
+    fs::write(folder.path("near.kdl"), scene(0.0)).unwrap();
+    let dark = "object \"crate\" isn't in the light map: no light arrives";
+    let covered = "object \"core\" isn't in the light map: other bodies cover it";
+    folder.says("bake near.kdl", 0, &["planes have no end", dark, covered]);
+    let json = folder.json("near.glb");
+    assert!(json["meshes"].as_array().unwrap().iter().any(|mesh| mesh["name"] == "ground"), "{json}");
+    fs::write(folder.path("far.kdl"), scene(-1000.0)).unwrap();
+    folder.says("bake far.kdl", 0, &["plane \"ground\" gets no light", "a rectangle in its place"]);
+}

@@ -7,12 +7,13 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::{SourceFlags, named};
 use crate::format::{bytes, count, duration, plural};
 use crate::interrupt;
+use crate::omissions::shortfalls;
 use crate::output::{check_files, unfit, write_files};
 use crate::progress::{ProgressDisplay, ProgressFlag, RunProgress, Style, emit};
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::Named;
-use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, TexelDensity};
+use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, LeftOut, LeftOutReason, TexelDensity};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::memory;
 use canaletto::scene::{FilmSettings, Scene, Tone};
@@ -155,6 +156,13 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
         Err(BakeError::Cancelled) => return Ok(Exit::Interrupted),
         Err(problem) => return Err(unbaked(&name, &problem)),
     };
+    if !flags.quiet {
+        let mut warnings = solution.warnings(&world, &settings);
+        // The report has a note about the limit of patches.
+        warnings.drain(..usize::from(solution.limit_reached));
+        warnings.extend(baked.left_out.iter().filter_map(left_out));
+        print_diagnostics(&shortfalls(&name, &warnings), flags.progress == ProgressFlag::Json);
+    }
     let export = Export {
         baked: &baked,
         materials: world.materials(),
@@ -179,6 +187,24 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
         _ => event.print(&contents),
     }
     Ok(Exit::Done)
+}
+
+/// The most names of objects in a message.
+const MOST_NAMES: usize = 8;
+
+/// What to say about objects that aren't in the output. Far planes have a warning of the solution.
+fn left_out(LeftOut { reason, names, .. }: &LeftOut) -> Option<String> {
+    let why = match reason {
+        LeftOutReason::FarPlane => return None,
+        LeftOutReason::Dark => "no light arrives at any side; --dark-sides writes dark sides, too",
+        _ => "other bodies cover it, or it has no area",
+    };
+    let mut shown: Vec<String> = names.iter().take(MOST_NAMES).map(|name| format!("\"{name}\"")).collect();
+    if names.len() > MOST_NAMES {
+        shown.push(format!("{} more", names.len() - MOST_NAMES));
+    }
+    let (objects, is) = if names.len() == 1 { ("object", "isn't") } else { ("objects", "aren't") };
+    Some(format!("{objects} {} {is} in the light map: {why}", shown.join(", ")))
 }
 
 /// What the output takes from the scene besides its world.

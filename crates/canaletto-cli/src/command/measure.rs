@@ -12,7 +12,7 @@ use crate::points::read_points;
 use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
-use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
+use canaletto::integrator::radiosity::{RadiosityMeter, RadiositySolution, SolutionFingerprint};
 use canaletto::integrator::{Measurement, PathMeter};
 use canaletto::render::Observer;
 use canaletto::scene::Integrator;
@@ -93,7 +93,7 @@ Examples:
 /// What measures.
 enum Meter<'w> {
     Paths(Box<PathMeter<'w>>),
-    Radiosity(Arc<RadiositySolution>),
+    Radiosity(Box<RadiosityMeter<'w>>),
 }
 
 /// The header of the output.
@@ -148,16 +148,17 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let (world, _) = build(&source.name, source.scene, &flags.source.build_options(0), None)?;
     let _measuring = interrupt::Rendering;
     interrupt::Rendering::begins();
+    let solution: Arc<RadiositySolution>;
     let meter = match method {
         Method::Path => Meter::Paths(Box::new(PathMeter::new(&world, path_settings.unwrap_or_default()))),
         Method::Radiosity => {
             let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
-            let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
+            let Some((solved, _)) = solved else { return Ok(Exit::Interrupted) };
+            solution = solved;
             if !flags.quiet {
-                let warnings: Vec<String> = solution.warning(&settings).into_iter().collect();
-                print_diagnostics(&shortfalls(&source.name, &warnings), false);
+                print_diagnostics(&shortfalls(&source.name, &solution.warnings(&world, &settings)), false);
             }
-            Meter::Radiosity(solution)
+            Meter::Radiosity(Box::new(RadiosityMeter::new(&world, &solution)))
         }
     };
     let mut text = String::from(HEADER);
@@ -175,7 +176,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
                 let numbers = (flags.seed, (first + i) as u32);
                 match &meter {
                     Meter::Paths(meter) => meter.measure(place, flags.rays, numbers),
-                    Meter::Radiosity(solution) => solution.measure(&world, place, flags.rays, numbers),
+                    Meter::Radiosity(meter) => meter.measure(place, flags.rays, numbers),
                 }
             })
             .collect();
@@ -191,8 +192,8 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
         let points = plural(done as u64, "point");
         let how = match &meter {
             Meter::Paths(_) => format!("{} paths each", flags.rays),
-            Meter::Radiosity(solution) => {
-                format!("{} rays each, {} patches", flags.rays, count(solution.patches().len() as u64))
+            Meter::Radiosity(meter) => {
+                format!("{} rays each, {} patches", flags.rays, count(meter.patches() as u64))
             }
         };
         eprint_line(&format!("{place}{points}, {how}, {}", duration(begun.elapsed())));

@@ -3,7 +3,7 @@
 //! - `boundary` gives neighbouring roots common vertices, and `chart` lays roots side by side in planes.
 //! - `layout` places the charts in one atlas. `pack` finds the places.
 //! - `texels` evaluates light and materials, and `fill` colours texels without a surface.
-//! - `mesh` makes the triangles with their texture coordinates.
+//! - `mesh` makes the triangles with their texture coordinates, and `left_out` names objects that have none.
 //!
 //! Each side of a surface has its own triangles, which show it from that side only. What other bodies cover has none.
 //! Sides that no light reaches have none either, unless the settings ask for them.
@@ -12,6 +12,7 @@ mod boundary;
 mod chart;
 mod fill;
 mod layout;
+mod left_out;
 mod mesh;
 mod pack;
 #[cfg(test)]
@@ -19,6 +20,7 @@ mod tests;
 mod texels;
 
 pub use layout::TexelDensity;
+pub use left_out::{LeftOut, LeftOutReason};
 pub use mesh::{BakedMesh, BakedPart, BakedVertex};
 
 use crate::OutOfRange;
@@ -26,7 +28,7 @@ use crate::integrator::radiosity::{RadiosityError, RadiositySolution, SolvedRoot
 use crate::job::Observer;
 use crate::material::MaterialPoint;
 use crate::scene::RadiositySettings;
-use crate::world::World;
+use crate::world::{Hit, World};
 use boundary::Boundaries;
 use canaletto_bvh::{NoThreads, with_stack};
 use rayon::prelude::*;
@@ -84,6 +86,8 @@ pub struct BakedScene {
     pub is_coarse: bool,
     /// Whether there are infinite planes, of which only the part near other surfaces is baked.
     pub has_clipped_planes: bool,
+    /// The objects that have no triangles, by the reason.
+    pub left_out: Vec<LeftOut>,
 }
 
 /// The reason why a light map can't be made.
@@ -184,6 +188,7 @@ fn baked(
     let texel = if layout.texels_per_unit > 0.0 { 1.0 / layout.texels_per_unit } else { 0.0 };
     let shading = texels::Shading { world, solution, roots, constant, texel };
     let atlas = texels::atlas(&shading, &charts, &layout, observer)?;
+    let baked_roots = || charts.iter().flat_map(|chart| chart.roots.iter().copied());
     let meshes = mesh::meshes(world, roots, &boundaries, &charts, &layout, &shading.constant);
     Ok(BakedScene {
         meshes,
@@ -191,6 +196,7 @@ fn baked(
         charts: charts.len(),
         texels_per_unit: layout.texels_per_unit,
         is_coarse: layout.is_coarse,
-        has_clipped_planes: world.unbounded_shapes().next().is_some(),
+        has_clipped_planes: baked_roots().any(|number| roots[number as usize].instance() == Hit::UNBOUNDED),
+        left_out: left_out::left_out(world, roots, baked_roots()),
     })
 }

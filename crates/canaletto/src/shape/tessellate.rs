@@ -4,6 +4,7 @@
 //! differ (uv seams, edges of boxes, rims of caps). The triangles of a closed shape are therefore closed, too.
 
 use super::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle, solve};
+use crate::math::Transform;
 use canaletto_bvh::Aabb;
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::HashMap;
@@ -63,47 +64,168 @@ impl Shape {
     /// # Errors
     /// [`TooManyTriangles`] if the number of triangles would exceed `limit`.
     pub fn tessellate(&self, tolerance: f64, clip: &Aabb, limit: usize) -> Result<Tessellation, TooManyTriangles> {
+        let grid = self.grid(tolerance, FRAC_PI_2);
+        if grid.triangles > limit as f64 {
+            return Err(TooManyTriangles { limit });
+        }
+        let tessellation = self.on_grid(grid, clip);
+        if tessellation.triangles.len() > limit { Err(TooManyTriangles { limit }) } else { Ok(tessellation) }
+    }
+
+    /// [`Shape::tessellate`] with as much area as the exact shape has after a map. The triangles are those of a shape
+    /// that is larger by up to the tolerance. Half the angle of a column or a row is at most `most_angle`, as far as
+    /// the limit allows.
+    ///
+    /// Triangles with corners on a ball have less area than the ball, and what they send, reflect or hide is less by as
+    /// much.
+    ///
+    /// # Errors
+    /// As [`Shape::tessellate`].
+    pub(crate) fn tessellate_with_area(
+        &self,
+        (tolerance, most_angle): (f64, f64),
+        clip: &Aabb,
+        limit: usize,
+        to_world: Option<&Transform>,
+    ) -> Result<Tessellation, TooManyTriangles> {
+        let grid = self.grid(tolerance, most_angle);
+        if grid.triangles > limit as f64 {
+            return Err(TooManyTriangles { limit });
+        }
+        let inscribed = self.on_grid(grid, clip);
+        if inscribed.triangles.len() > limit {
+            return Err(TooManyTriangles { limit });
+        }
+        let grown = self.area_on(grid, to_world).and_then(|area| self.with_area(area, grid, to_world));
+        Ok(grown.map_or(inscribed, |shape| shape.on_grid(grid, clip)))
+    }
+
+    /// The area after a map, for shapes that aren't flat or that have a round rim.
+    fn area_on(&self, grid: Grid, to_world: Option<&Transform>) -> Option<f64> {
+        if matches!(self, Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_)) {
+            return None;
+        }
+        let own = self.area()?;
+        let Some(map) = to_world else { return Some(own) };
+        // Richardson's extrapolation: the error of the area falls with the square of the angles. The same error in the
+        // shape's own space, where the area is known, cancels most of what is left.
+        let twice = Grid { columns: 2 * grid.columns, rows: 2 * grid.rows, ..grid };
+        let [near, far] = [grid, twice].map(|grid| self.on_grid(grid, &Aabb::EMPTY));
+        let limit = |map: Option<&Transform>| (4.0 * far.area_after(map) - near.area_after(map)) / 3.0;
+        Some(own * (limit(Some(map)) / limit(None)))
+    }
+
+    /// The shape with larger radii whose triangles have this area after a map. None where there is no such shape.
+    fn with_area(&self, area: f64, grid: Grid, to_world: Option<&Transform>) -> Option<Shape> {
+        let at = |growth: f64| -> Option<(Shape, f64)> {
+            let shape = self.grown(growth)?;
+            Some((shape, shape.on_grid(grid, &Aabb::EMPTY).area_after(to_world) / area - 1.0))
+        };
+        // The secant method; the area is nearly linear in the growth.
+        let (mut before, mut missing) = (0.0, at(0.0)?.1);
+        let mut growth = -0.5 * missing;
+        for _ in 0..8 {
+            let (shape, now) = at(growth)?;
+            if now.abs() <= 1e-6 {
+                return Some(shape);
+            }
+            let slope = (now - missing) / (growth - before);
+            (before, missing) = (growth, now);
+            growth -= now / slope;
+        }
+        None
+    }
+
+    /// The shape with radii that are larger by a part of themselves, up to twice as large.
+    fn grown(&self, growth: f64) -> Option<Shape> {
+        if !(0.0..=1.0).contains(&growth) {
+            return None;
+        }
+        let larger = |radius: f32| (f64::from(radius) * (1.0 + growth)) as f32;
+        match *self {
+            Shape::Sphere(s) => Some(Shape::Sphere(Sphere { radius: larger(s.radius), ..s })),
+            Shape::Disk(s) => Some(Shape::Disk(Disk { radius: larger(s.radius), ..s })),
+            Shape::Cylinder(s) => Some(Shape::Cylinder(Cylinder { radius: larger(s.radius), ..s })),
+            Shape::Cone(s) => {
+                let [radius, top_radius] = [s.radius, s.top_radius].map(larger);
+                Some(Shape::Cone(Cone { radius, top_radius, ..s }))
+            }
+            Shape::Torus(s) => {
+                let tube = larger(s.tube);
+                let keeps_hole = (s.radius <= s.tube) == (s.radius <= tube);
+                keeps_hole.then_some(Shape::Torus(Torus { tube, ..s }))
+            }
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) => None,
+        }
+    }
+
+    /// The columns and rows that a tolerance needs.
+    fn grid(&self, tolerance: f64, most_angle: f64) -> Grid {
         // A tolerance that isn't a positive number asks for infinitely many triangles.
         let tolerance = tolerance.max(0.0);
-        let within = |triangles: f64| if triangles <= limit as f64 { Ok(()) } else { Err(TooManyTriangles { limit }) };
-        let tessellation = match self {
+        let least = (FRAC_PI_2 / most_angle).ceil().max(2.0);
+        let chords = |radius: f64, tolerance: f64| {
+            let chords = chords(radius, tolerance);
+            if most_angle < FRAC_PI_2 { chords.max(2.0 * least) } else { chords }
+        };
+        let of = |columns: f64, rows: f64, triangles: f64| Grid {
+            columns: columns as usize,
+            rows: rows as usize,
+            triangles,
+        };
+        match self {
             Shape::Sphere(s) => {
                 // A cell's plane is r cos² φ from the centre, where φ is half the angle of a column and of a row.
                 let half_angle = libm::asin((tolerance / f64::from(s.radius)).sqrt().min(1.0));
-                let rows = (FRAC_PI_2 / half_angle).ceil().max(2.0);
-                within(4.0 * rows * (rows - 1.0))?;
-                Tessellation::sphere(s, 2 * rows as usize, rows as usize)
+                let rows = (FRAC_PI_2 / half_angle).ceil().max(least);
+                of(2.0 * rows, rows, 4.0 * rows * (rows - 1.0))
             }
-            Shape::Box(s) => Tessellation::cuboid(s),
-            Shape::Triangle(s) => Tessellation::triangle(s),
-            Shape::Plane(s) => Tessellation::plane(s, clip),
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) => of(0.0, 0.0, 0.0),
             Shape::Disk(s) => {
                 let columns = chords(s.radius.into(), tolerance);
-                within(columns)?;
-                Tessellation::disk(s, columns as usize)
+                of(columns, 0.0, columns)
             }
-            Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
+            Shape::Cylinder(Cylinder { radius, .. }) => {
                 let columns = chords((*radius).into(), tolerance);
-                within(2.0 * columns)?;
-                Tessellation::frustum(&FrustumFrame::new([*base, *top], [*radius; 2]), *caps, columns as usize)
+                of(columns, 0.0, 2.0 * columns)
             }
-            Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
+            Shape::Cone(Cone { radius, top_radius, .. }) => {
                 let columns = chords(radius.max(*top_radius).into(), tolerance);
-                within(columns)?;
-                let frame = FrustumFrame::new([*base, *top], [*radius, *top_radius]);
-                Tessellation::frustum(&frame, *caps, columns as usize)
+                of(columns, 0.0, columns)
             }
             Shape::Torus(s) => {
                 let [ring, tube] = [s.radius, s.tube].map(f64::from);
                 // The chords around the axis and those around the tube take half of the tolerance each.
                 let (columns, rows) = (chords(ring + tube, 0.5 * tolerance), chords(tube, 0.5 * tolerance));
-                within(columns * rows)?;
-                Tessellation::torus(s, columns as usize, rows as usize)
+                of(columns, rows, columns * rows)
             }
-        };
-        within(tessellation.triangles.len() as f64)?;
-        Ok(tessellation)
+        }
     }
+
+    fn on_grid(&self, Grid { columns, rows, .. }: Grid, clip: &Aabb) -> Tessellation {
+        match self {
+            Shape::Sphere(s) => Tessellation::sphere(s, columns, rows),
+            Shape::Box(s) => Tessellation::cuboid(s),
+            Shape::Triangle(s) => Tessellation::triangle(s),
+            Shape::Plane(s) => Tessellation::plane(s, clip),
+            Shape::Disk(s) => Tessellation::disk(s, columns),
+            Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
+                Tessellation::frustum(&FrustumFrame::new([*base, *top], [*radius; 2]), *caps, columns)
+            }
+            Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
+                Tessellation::frustum(&FrustumFrame::new([*base, *top], [*radius, *top_radius]), *caps, columns)
+            }
+            Shape::Torus(s) => Tessellation::torus(s, columns, rows),
+        }
+    }
+}
+
+/// The columns and rows of the triangles of a round shape, and about the number of triangles.
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    columns: usize,
+    rows: usize,
+    triangles: f64,
 }
 
 /// The number of equal chords of a circle, at least 3, that are nowhere farther than `tolerance` from it: the sagitta
@@ -161,8 +283,14 @@ fn around(i: usize, columns: usize) -> DVec3 {
 impl Tessellation {
     /// The area of the triangles.
     pub fn area(&self) -> f64 {
+        self.area_after(None)
+    }
+
+    /// The area of the triangles after a map.
+    fn area_after(&self, map: Option<&Transform>) -> f64 {
         let point = |v: u32| self.vertices[v as usize].point;
-        let cross = |&[a, b, c]: &[u32; 3]| (point(b) - point(a)).cross(point(c) - point(a));
+        let moved = |way: DVec3| map.map_or(way, |map| map.vector(way));
+        let cross = |&[a, b, c]: &[u32; 3]| moved(point(b) - point(a)).cross(moved(point(c) - point(a)));
         self.triangles.iter().map(|corners| 0.5 * cross(corners).length()).sum()
     }
 

@@ -8,6 +8,7 @@ use crate::math::{DRay, Transform};
 use crate::shape::{Shape, ShapeHit, Surface, Tessellation, TooManyTriangles};
 use canaletto_bvh::{Aabb, Ray};
 use glam::DVec3;
+use std::f64::consts::FRAC_PI_2;
 
 /// A triangle that stands for a part of a primitive's surface, in the world's space at time 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,19 +29,25 @@ pub(crate) struct Facet {
 }
 
 impl World {
-    /// The facets of all surfaces. Curved surfaces are tessellated to a tolerance, a length in the world. Planes are
-    /// covered inside the box `clip`. The order is that of instances and primitives, planes last.
+    /// The facets of all surfaces. Curved surfaces are tessellated to a tolerance, a length in the world, with the area
+    /// of the exact surface. Half the angle between facets of round lamps is at most `lamp_angle`. Each plane is covered
+    /// inside its box. The order is that of instances and primitives, planes last.
     ///
     /// # Errors
     /// [`TooManyTriangles`] if there would be more than `limit`.
-    pub(crate) fn facets(&self, tolerance: f64, clip: &Aabb, limit: usize) -> Result<Vec<Facet>, TooManyTriangles> {
+    pub(crate) fn facets(
+        &self,
+        tolerances: (f64, f64),
+        plane_boxes: &[Aabb],
+        limit: usize,
+    ) -> Result<Vec<Facet>, TooManyTriangles> {
         let mut facets = Vec::new();
         for number in 0..self.root.leaves {
             self.with_instance(number, |instance| {
-                self.facets_of_instance(number, instance, tolerance, clip, limit, &mut facets)
+                self.facets_of_instance(number, instance, tolerances, limit, &mut facets)
             })?;
         }
-        for (primitive, unbounded) in (0..).zip(&self.unbounded) {
+        for ((primitive, unbounded), clip) in (0..).zip(&self.unbounded).zip(plane_boxes) {
             let hit = Hit { instance: Hit::UNBOUNDED, primitive, ..Hit::none(0.0, 0.0) };
             let first = Facet {
                 instance: Hit::UNBOUNDED,
@@ -52,18 +59,35 @@ impl World {
                 is_one_sided: false,
                 material: self.material_index(&hit),
             };
-            let tessellation = unbounded.shape.tessellate(tolerance, clip, limit)?;
+            let tessellation = unbounded.shape.tessellate(tolerances.0, clip, limit)?;
             push_all(&mut facets, &tessellation, None, first, limit)?;
         }
         Ok(facets)
+    }
+
+    /// The number of curved primitives that may emit light.
+    pub(crate) fn round_lamps(&self) -> usize {
+        if !self.may_emit {
+            return 0;
+        }
+        let of_instance = |instance: &Instance| {
+            let geometry = &self.geometries[instance.geometry as usize];
+            let emits = |&primitive: &u32| {
+                let is_flat = matches!(geometry, Geometry::Shapes { shapes, .. }
+                    if matches!(shapes[primitive as usize], Shape::Box(_) | Shape::Triangle(_)));
+                !is_flat && self.materials[self.material_of(instance, primitive) as usize].may_emit()
+            };
+            let is_mesh = matches!(geometry, Geometry::Mesh { .. });
+            if is_mesh { 0 } else { (0..geometry.len() as u32).filter(emits).count() }
+        };
+        (0..self.root.leaves).map(|number| self.with_instance(number, |instance| of_instance(instance))).sum()
     }
 
     fn facets_of_instance(
         &self,
         number: u32,
         instance: &Instance,
-        tolerance: f64,
-        clip: &Aabb,
+        (tolerance, lamp_angle): (f64, f64),
         limit: usize,
         facets: &mut Vec<Facet>,
     ) -> Result<(), TooManyTriangles> {
@@ -97,7 +121,9 @@ impl World {
                 Geometry::Cylinders { cloud, .. } => Shape::Cylinder(cloud.cylinder(id)),
             };
             let is_one_sided = matches!(&shape, Shape::Triangle(triangle) if triangle.one_sided);
-            let tessellation = shape.tessellate(tolerance, clip, limit)?;
+            let most_angle = if self.materials[first.material as usize].may_emit() { lamp_angle } else { FRAC_PI_2 };
+            let tolerances = (tolerance, most_angle);
+            let tessellation = shape.tessellate_with_area(tolerances, &Aabb::EMPTY, limit, to_world)?;
             let is_flat = |part: u32| match shape {
                 Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => true,
                 Shape::Cylinder(_) | Shape::Cone(_) => part != 0,

@@ -1,6 +1,7 @@
 //! Clusters: groups of roots that exchange light as one (Smits, Arvo, Greenberg 1994; Sillion 1994).
 
 use super::mesh::{Element, NONE};
+use super::root::Root;
 use glam::{DMat3, DVec3};
 
 /// The most roots of a cluster without clusters in it.
@@ -62,9 +63,13 @@ impl Sums {
     }
 }
 
-/// The clusters of root elements, and the elements' new order: their old numbers with their parents.
-pub(super) fn clusters(elements: &[Element]) -> (Vec<Cluster>, Vec<(u32, u32)>) {
-    let mut order: Vec<u32> = (0..elements.len() as u32).collect();
+/// The clusters of root elements, and the elements' new order: their old numbers with their parents. Outer and inner
+/// sides have clusters of their own. Both sides of a wall are at one place, and each has the light of its own room.
+pub(super) fn clusters(elements: &[Element], roots: &[Root]) -> (Vec<Cluster>, Vec<(u32, u32)>) {
+    let is_outer = |element: &u32| roots[elements[*element as usize].root as usize].is_outer;
+    let (mut order, inner): (Vec<u32>, Vec<u32>) = (0..elements.len() as u32).partition(is_outer);
+    let outer = order.len();
+    order.extend(inner);
     let mut parents = vec![NONE; elements.len()];
     let mut clusters: Vec<Cluster> = Vec::new();
     // Ranges of `order` with the cluster that they belong to.
@@ -89,6 +94,11 @@ pub(super) fn clusters(elements: &[Element]) -> (Vec<Cluster>, Vec<(u32, u32)>) 
         }
         if range.len() <= FEW {
             range.clone().for_each(|i| parents[i] = number);
+            continue;
+        }
+        if parent == NONE && outer > 0 && outer < range.len() {
+            waiting.push((outer..range.end, number));
+            waiting.push((range.start..outer, number));
             continue;
         }
         let middle = range.start + range.len() / 2;

@@ -88,7 +88,7 @@ impl<'w> PatchMesh<'w> {
         let bounds = world.inner_bounds();
         let diagonal = if bounds.is_empty() { 1.0 } else { f64::from((bounds.max - bounds.min).length()) };
         let tolerance = diagonal * error * TOLERANCE;
-        let facets = facets(world, tolerance, max_patches)?;
+        let facets = facets(world, tolerance, error, max_patches)?;
         let solids = solids(world, &facets)?;
         let roots = roots(world, &solids, &facets, tolerance, max_patches)?;
         let mut mesh = PatchMesh {
@@ -110,7 +110,7 @@ impl<'w> PatchMesh<'w> {
             numbers.par_iter().map(|&number| mesh.element(number, mesh.roots[number as usize].outline, NONE)).collect();
         elements.retain(|element| element.bare != 0);
         let order;
-        (mesh.clusters, order) = clusters(&elements);
+        (mesh.clusters, order) = clusters(&elements, &mesh.roots);
         mesh.elements =
             order.iter().map(|&(index, parent)| Element { parent, ..elements[index as usize].clone() }).collect();
         mesh.leaves = mesh.elements.len();

@@ -17,6 +17,8 @@
 
 mod balance;
 mod cluster;
+#[cfg(test)]
+mod curved_tests;
 mod cuts;
 mod emitters;
 mod exchange;
@@ -30,8 +32,10 @@ mod hierarchical;
 mod interpolation;
 mod link;
 mod local_pass;
-mod measure;
 mod mesh;
+mod meter;
+#[cfg(test)]
+mod meter_tests;
 mod outline;
 mod root;
 mod second_pass;
@@ -48,6 +52,7 @@ mod transport;
 pub use file::SolutionFileError;
 pub use fingerprint::{ChangedInputs, SolutionFingerprint, SolutionInput};
 pub(crate) use interpolation::{BlendedLight, blended};
+pub use meter::RadiosityMeter;
 pub(crate) use second_pass::PreparedRadiosity;
 pub use second_pass::ShownLight;
 pub use shooting::{ShootingStep, ShootingWatcher};

@@ -77,6 +77,14 @@ impl Outline {
         self.corners().iter().map(|p| p.distance(center)).fold(0.0, f64::max)
     }
 
+    /// The smallest distance between a corner and the opposite edge.
+    pub(super) fn width(&self) -> f64 {
+        let corners = self.corners();
+        let edge = |i: usize| corners[i].distance(corners[(i + 1) % corners.len()]);
+        let longest = (0..corners.len()).map(edge).fold(0.0, f64::max);
+        if longest > 0.0 { self.cross().length() / longest } else { 0.0 }
+    }
+
     /// The point with coordinates in the unit square; for a triangle u + v ≤ 1.
     pub(super) fn point(&self, u: f64, v: f64) -> DVec3 {
         let [a, b, c, d] = self.corners;

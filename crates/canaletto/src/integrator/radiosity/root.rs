@@ -5,10 +5,12 @@ use super::cuts::Polygon;
 use super::outline::Outline;
 use super::sources::light_points;
 use crate::math::{DRay, offset_origin, rounding};
-use crate::world::{Facet, Solids, World};
+use crate::shape::Shape;
+use crate::world::{Facet, Hit, Solids, World};
 use canaletto_bvh::{Aabb, Bvh};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 /// The margin around a scene's bounds within which planes count, relative to the diagonal of the bounds.
@@ -20,6 +22,9 @@ const SAME_CORNER: f64 = 1e-6;
 
 /// The distance from a flat surface at which lines through it begin, relative to its size.
 const FLAT_REACH: f64 = 1e-2;
+
+/// The largest distance from a facet of a curved surface at which lines through it begin, relative to its width.
+const CURVED_REACH: f64 = 0.45;
 
 /// The distance within which coordinates count as equal, relative to the largest: eight units in the last place.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
@@ -93,12 +98,28 @@ impl Root {
 }
 
 /// The facets of a world, without the surfaces that show lights. Curved surfaces are tessellated to a tolerance, a
-/// length. A scene's planes count inside its bounds grown by their diagonal on each side.
-pub(super) fn facets(world: &World, tolerance: f64, limit: usize) -> Result<Vec<Facet>, RadiosityError> {
-    let facets = world.facets(tolerance, &plane_bounds(world), limit);
+/// length, and round lamps by the wanted error, too: a lamp of few facets is brighter in some directions.
+pub(super) fn facets(world: &World, tolerance: f64, error: f64, limit: usize) -> Result<Vec<Facet>, RadiosityError> {
+    let boxes: Vec<Aabb> = world.unbounded_shapes().map(|plane| plane_box(world, plane)).collect();
+    let facets = world.facets((tolerance, lamp_angle(world, error)), &boxes, limit);
     let mut facets = facets.map_err(|_| RadiosityError::TooManyPatches { limit })?;
     facets.retain(|facet| !world.is_of_light(facet.material));
     Ok(facets)
+}
+
+/// Half the largest angle between neighbouring facets of a round lamp, relative to the root of the wanted error, and its
+/// bounds. The projected area of a ball of 2n columns and n rows varies over directions by 0.8 / n² at most.
+const LAMP_ANGLE: f64 = 2.0;
+const LAMP_ANGLES: [f64; 2] = [PI / 24.0, PI / 8.0];
+
+/// About the most facets of all round lamps beyond those that the tolerance needs.
+const LAMP_FACETS: f64 = 4096.0;
+
+fn lamp_angle(world: &World, error: f64) -> f64 {
+    let wanted = (LAMP_ANGLE * error.sqrt()).clamp(LAMP_ANGLES[0], LAMP_ANGLES[1]);
+    // A ball of n rows has about 4 n² facets, and half the angle of a row is π / 2n.
+    let coarsest = PI * (world.round_lamps() as f64 / LAMP_FACETS).sqrt();
+    wanted.max(coarsest).min(FRAC_PI_2)
 }
 
 /// The solids of a world. Those with a light inside are hollow.
@@ -187,7 +208,12 @@ fn root(world: &World, solids: &Solids, facet: &Facet, last: u32, outline: Outli
     let bounds = Root::bounds(&outline);
     let far = bounds.min.abs().max(bounds.max.abs());
     // A flat surface needs a line that is long enough for its ends to be off the surface.
-    let reach = if facet.is_flat { outline.radius() * FLAT_REACH } else { 2.0 * tolerance };
+    // A line through a facet of a hollow body must not begin beyond the opposite wall.
+    let reach = if facet.is_flat {
+        outline.radius() * FLAT_REACH
+    } else {
+        (2.0 * tolerance).min(outline.width() * CURVED_REACH)
+    };
     let mut root = Root {
         instance: facet.instance,
         primitives: [facet.primitive, last],
@@ -245,12 +271,50 @@ fn joined(first: &Facet, second: &Facet) -> Option<(Outline, u32)> {
     })
 }
 
-/// The box inside which planes count.
-fn plane_bounds(world: &World) -> Aabb {
-    let bounds = world.inner_bounds();
+/// The distance of a plane from all other surfaces from which it has no patches, relative to their diagonal.
+const FAR_PLANE: f32 = 64.0;
+
+/// The box inside which a plane counts: the scene's bounds, grown by their diagonal on each side. If the plane passes
+/// outside this box, the box also has the part of the plane below the bounds.
+fn plane_box(world: &World, plane: &Shape) -> Aabb {
+    let inner = world.inner_bounds();
+    let bounds = if inner.is_empty() { Aabb::from_points(light_points(world)) } else { inner };
+    let Shape::Plane(plane) = plane else { return bounds };
     if bounds.is_empty() {
         return bounds;
     }
-    let margin = Vec3::splat((bounds.max - bounds.min).length() * PLANE_MARGIN);
-    Aabb { min: bounds.min - margin, max: bounds.max + margin }
+    let diagonal = |of: &Aabb| (of.max - of.min).length();
+    let with_margin = |of: &Aabb| {
+        let margin = Vec3::splat(diagonal(of) * PLANE_MARGIN);
+        Aabb { min: of.min - margin, max: of.max + margin }
+    };
+    let normal = plane.normal.as_dvec3().normalize().as_vec3();
+    let heights = |of: &Aabb| corners(of).map(|corner| (corner - plane.point).dot(normal));
+    let grown = with_margin(&bounds);
+    let is_above = heights(&grown).map(|height| height > 0.0);
+    let nearest = heights(&bounds).into_iter().fold(f32::INFINITY, |nearest, height| nearest.min(height.abs()));
+    let is_far = !inner.is_empty() && nearest > FAR_PLANE * diagonal(&bounds);
+    if is_above.iter().any(|above| *above != is_above[0]) || is_far {
+        return grown;
+    }
+    let feet = corners(&bounds).into_iter().zip(heights(&bounds)).map(|(corner, height)| corner - normal * height);
+    with_margin(&bounds.union(Aabb::from_points(feet)))
+}
+
+fn corners(of: &Aabb) -> [Vec3; 8] {
+    std::array::from_fn(|i| {
+        let at = |axis: usize| if i >> axis & 1 == 1 { of.max[axis] } else { of.min[axis] };
+        Vec3::new(at(0), at(1), at(2))
+    })
+}
+
+/// The names of the planes that have no patches, since all other surfaces are far away.
+pub(super) fn planes_without_patches(world: &World) -> Vec<String> {
+    let has_none = |(_, plane): &(u32, &Shape)| {
+        let tessellation = plane.tessellate(1.0, &plane_box(world, plane), 1 << 10);
+        tessellation.is_ok_and(|tessellation| tessellation.triangles.is_empty())
+    };
+    let hit = |primitive: u32| Hit { instance: Hit::UNBOUNDED, primitive, ..Hit::none(0.0, 0.0) };
+    let name = |(primitive, _): (u32, &Shape)| world.object(&hit(primitive)).name.clone();
+    (0..).zip(world.unbounded_shapes()).filter(has_none).map(name).collect()
 }

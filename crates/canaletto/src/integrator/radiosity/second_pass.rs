@@ -79,7 +79,7 @@ pub(crate) struct PreparedRadiosity {
     shown: ShownSolution,
     settings: WhittedSettings,
     /// What the solution falls short of.
-    warning: Option<String>,
+    warnings: Vec<String>,
 }
 
 impl PreparedRadiosity {
@@ -94,7 +94,7 @@ impl PreparedRadiosity {
             Some(solution) => ControlFlow::Continue(solution),
             None => or_cancelled(RadiositySolution::solve(world, &settings, observer))?.map_continue(Arc::new),
         };
-        Ok(solution.map_continue(|solution| PreparedRadiosity::of(solution, &settings)))
+        Ok(solution.map_continue(|solution| PreparedRadiosity::of(world, solution, &settings)))
     }
 
     /// [`PreparedRadiosity::new`] that keeps how light goes from patch to patch.
@@ -104,11 +104,11 @@ impl PreparedRadiosity {
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), (PreparedRadiosity, Transport<'w>)>, JobError> {
         let solved = RadiositySolution::solve_with_transport(world, &settings, observer);
-        let prepared = |(solution, transport)| (PreparedRadiosity::of(Arc::new(solution), &settings), transport);
+        let prepared = |(solution, transport)| (PreparedRadiosity::of(world, Arc::new(solution), &settings), transport);
         Ok(or_cancelled(solved)?.map_continue(prepared))
     }
 
-    fn of(solution: Arc<RadiositySolution>, settings: &RadiositySettings) -> PreparedRadiosity {
+    fn of(world: &World, solution: Arc<RadiositySolution>, settings: &RadiositySettings) -> PreparedRadiosity {
         let RadiositySettings { show, light_samples, .. } = *settings;
         let has_emitters = !solution.emitters.is_empty();
         let shown = match show {
@@ -119,7 +119,7 @@ impl PreparedRadiosity {
         let is_interpolated = show != RadiosityShow::Patches;
         let is_full = show == RadiosityShow::Full;
         PreparedRadiosity {
-            warning: solution.warning(settings),
+            warnings: solution.warnings(world, settings),
             shown: ShownSolution { solution, shown, is_interpolated, is_full, light_samples },
             settings: second_pass(show),
         }
@@ -159,7 +159,7 @@ impl PreparedRayIntegrator for PreparedRadiosity {
         if solution.emitters.excess > 0 {
             others.push(("emitting polygons that light as patches", solution.emitters.excess as u64));
         }
-        Counts { others, warnings: self.warning.iter().cloned().collect(), ..Counts::default() }
+        Counts { others, warnings: self.warnings.clone(), ..Counts::default() }
     }
 
     fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> Whitted<'a> {

@@ -7,6 +7,7 @@ use super::interpolation::{BlendedLight, Interpolation};
 use super::local_pass::{LocalPass, LocalRadiance};
 use super::mesh::{NONE, PatchMesh};
 use super::outline::Outline;
+use super::root::planes_without_patches;
 use crate::Named;
 use crate::job::{Job, JobError};
 use crate::scene::{Integrator, RadiositySettings};
@@ -225,15 +226,23 @@ impl RadiositySolution {
         }
     }
 
-    /// What the solution falls short of, in words, with what helps. `settings` are those that it was solved with.
-    pub fn warning(&self, settings: &RadiositySettings) -> Option<String> {
+    /// What the solution of a world falls short of, in words, with what helps. `settings` are those that it was solved
+    /// with.
+    pub fn warnings(&self, world: &World, settings: &RadiositySettings) -> Vec<String> {
         let RadiositySettings { max_patches, error, .. } = settings;
-        self.limit_reached.then(|| {
+        let limit = self.limit_reached.then(|| {
             format!(
                 "radiosity reached the limit of {max_patches} patches, so that light is less exact than the error of \
                  {error}; a larger max-patches or a larger error helps"
             )
-        })
+        });
+        let far = planes_without_patches(world).into_iter().map(|plane| {
+            format!(
+                "the plane \"{plane}\" gets no light by radiosity, since all other surfaces are far from it; a rectangle \
+                 in its place helps"
+            )
+        });
+        limit.into_iter().chain(far).collect()
     }
 
     /// All patches.

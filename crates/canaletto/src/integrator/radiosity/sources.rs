@@ -8,7 +8,6 @@ use super::exchange::BEFORE_END;
 use super::mesh::{Element, PatchMesh, vector};
 use super::outline::CELLS;
 use crate::light::PreparedLight;
-use crate::light::environment::{Part, Place};
 use crate::math::warp;
 use crate::world::{OccluderCache, World};
 use canaletto_bvh::Ray;
@@ -158,9 +157,14 @@ impl PatchMesh<'_> {
 
 /// The environment's radiance around a direction, without its sun, which is a light.
 pub(super) fn environment(world: &World, direction: DVec3, x: DVec3, y: DVec3) -> DVec3 {
-    let Some(environment) = &world.environment else { return DVec3::ZERO };
+    environment_and_place(world, direction, [x, y]).0
+}
+
+/// [`environment`], and (u, v) of the direction in a latitude-longitude image of the environment.
+pub(super) fn environment_and_place(world: &World, direction: DVec3, across: [DVec3; 2]) -> (DVec3, [f64; 2]) {
+    let Some(environment) = &world.environment else { return (DVec3::ZERO, [0.0; 2]) };
     // The square root of the solid angle that a direction stands for, about π over their number.
     let width = std::f64::consts::PI.sqrt() / (DIRECTIONS * DIRECTIONS) as f64;
-    let lookup = environment.lookup(direction, [x * width, y * width]);
-    if matches!(lookup.place, Place::Sky(Part::Sun)) { DVec3::ZERO } else { vector(lookup.radiance) }
+    let (radiance, place) = environment.radiance_and_place(direction, across.map(|across| across * width));
+    (vector(radiance), place)
 }

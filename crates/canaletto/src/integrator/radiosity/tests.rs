@@ -444,7 +444,7 @@ fn meters_in_a_furnace_read_its_light() {
     for (number, (point, normal)) in
         [(DVec3::ZERO, DVec3::Y), (DVec3::new(0.5, -0.2, 0.9), DVec3::new(0.6, 0.0, -0.8))].into_iter().enumerate()
     {
-        let measured = solution.measure(&world, (point, normal), 256, (1, number as u32));
+        let measured = RadiosityMeter::new(&world, &solution).measure((point, normal), 256, (1, number as u32));
         assert!((measured.irradiance / expected - 1.0).abs().max_element() < 1e-3, "{measured:?}");
         assert!((measured.illuminance() / (DVec3::new(0.2126, 0.7152, 0.0722).dot(expected)) - 1.0).abs() < 1e-3);
     }
@@ -460,11 +460,12 @@ fn meters_on_walls_read_the_light_of_patches() {
         vec![Node::from(cube(-2.0, 2.0)).with_material(0), Node::from(block).with_material(0), Node::from(lamp)];
     let world = World::build(Scene { materials: vec![kd("wall", 0.6)], nodes, ..Scene::default() }).unwrap();
     let solution = RadiositySolution::solve(&world, &settings(RadiosityMethod::Hierarchical, 0.01), &()).unwrap();
+    let meter = RadiosityMeter::new(&world, &solution);
     let (mut compared, mut read, mut known) = (0, 0.0, 0.0);
     // The block's shadow ends on patches below its top, where the light of the centre isn't the mean.
     let is_above = |patch: &Patch| !patch.is_outer && patch.center.y > 0.0;
     for (number, patch) in solution.patches().iter().enumerate().filter(|(_, patch)| is_above(patch)).step_by(41) {
-        let measured = solution.measure(&world, (patch.center, patch.normal), 4096, (7, number as u32));
+        let measured = meter.measure((patch.center, patch.normal), 4096, (7, number as u32));
         let light = solution.light_at(patch.instance, patch.primitive, patch.part, false, patch.center).unwrap();
         let expected = light.sum().x * PI;
         let room = 4.0 * measured.standard_error.x + 0.015 * expected;
