@@ -106,9 +106,8 @@ fn bent_normals_lose_no_light() {
 
 #[test]
 fn directions_at_bent_normals_have_their_density() {
-    for (i, (name, make)) in LOSSLESS.into_iter().enumerate() {
+    for (i, (_, make)) in LOSSLESS.into_iter().enumerate() {
         for (tilt, degrees) in [(50.0, -60.0), (25.0, 75.0)] {
-            let _ = name;
             check_sampling(&make([0.5, 0.7][i % 2], tilted(tilt)), direction(degrees), 0.0);
         }
     }

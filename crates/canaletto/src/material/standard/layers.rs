@@ -92,7 +92,7 @@ impl Layers {
 
 /// The least probability of rough facets, as a share of what the most grazed of them mirrors. Few facets are grazed, and
 /// a direction that is found rarely must not weigh much more than others.
-const OF_GRAZED: f64 = 0.25;
+const OF_GRAZED: f64 = 0.4;
 
 /// The cosine at the most grazed facet that mirrors light to a viewer at this cosine: at half the angle to the horizon.
 fn grazed_cosine(cos: f64) -> f64 {
