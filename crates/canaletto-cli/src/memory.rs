@@ -1,7 +1,9 @@
 //! The memory that a render takes, estimated before it begins.
 
+use crate::denoiser::with_layers;
 use crate::output_format::Format;
-use canaletto::render::Aov;
+use canaletto::film::block_sizes;
+use canaletto::render::{Aov, Job};
 use canaletto::world::World;
 use serde::Serialize;
 
@@ -17,23 +19,67 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// The memory of a render of this many pixels of a world that was just built. The system reports the current and
-    /// the maximum memory of the process. Without such a report the size of the world's lists is used.
-    pub(crate) fn of(world: &World, pixels: u64, aovs: &[Aov], format: Format) -> Memory {
+    /// The memory of a render of a world that was just built. The system reports the current and the maximum memory of
+    /// the process. Without such a report the size of the world's lists is used.
+    pub(crate) fn of(world: &World, job: Option<&Job>, format: Format, denoises: bool) -> Memory {
         let (now, peak) = usage().unwrap_or_else(|| {
             let bytes = world.stats().bytes;
             (bytes, bytes)
         });
         /// The memory of tiles, threads and the rest of the program.
         const WORK: u64 = 5 << 20;
-        let picture = picture(pixels, aovs, format) + WORK;
+        let picture = job.map_or(0, |job| picture(job, format, denoises)) + WORK;
         Memory { world: now, picture, peak: peak.max(now + picture) }
     }
 }
 
-/// The memory of a picture: its channels, and their encoded form.
-fn picture(pixels: u64, aovs: &[Aov], format: Format) -> u64 {
-    const NUMBER: u64 = size_of::<f32>() as u64;
+/// The memory of a picture in bytes: its channels, its samples, what denoising takes, and the encoded form.
+pub(crate) fn picture(job: &Job, format: Format, denoises: bool) -> u64 {
+    /// What denoising takes for each pixel besides the picture with its layers, as measured.
+    const DENOISING: u64 = 400;
+    let [_, _, width, height] = job.window();
+    let pixels = u64::from(width) * u64::from(height);
+    let kept = if denoises { with_layers(job) } else { job.clone() };
+    let samples = samples(&kept);
+    // The samples are freed or written before a picture is encoded; both together are the most.
+    let blocks = if format.has_layers() && samples.blocks > 1 { 3 * samples.blocks } else { 0 };
+    let made = channels(&kept.aovs, Format::default()) + samples.bytes + if denoises { DENOISING } else { 0 };
+    let written = channels(&job.aovs, format) + samples.bytes + blocks * 3 * NUMBER;
+    pixels.saturating_mul(made.max(written))
+}
+
+/// The bytes of a number in a channel.
+const NUMBER: u64 = size_of::<f32>() as u64;
+
+/// What the samples of a picture in passes take.
+struct SampleMemory {
+    /// The most blocks of a pixel at the end.
+    blocks: u64,
+    /// The bytes for each pixel: the samples of the tiles, those of the whole picture that are gathered from them, and
+    /// the memory from which the former grew.
+    bytes: u64,
+}
+
+fn samples(job: &Job) -> SampleMemory {
+    if job.passes().is_err() {
+        return SampleMemory { blocks: 0, bytes: 0 };
+    }
+    let (first, count) = (job.first_sample, job.film.sampling.count());
+    let keeps_halves = job.noise.is_some() || job.aovs.iter().any(|aov| aov.is_half());
+    let block = if keeps_halves { 9 * NUMBER } else { 3 * NUMBER };
+    let blocks = block_sizes(first, first.saturating_add(count)).count() as u64;
+    // Passes from 16 samples on add a quarter of the highest digit, which makes up to three blocks.
+    let most = blocks.max(match count {
+        0..=2 => 1,
+        3..=23 => 2,
+        _ => 3,
+    });
+    let grown = if most > 1 { block } else { 0 };
+    SampleMemory { blocks, bytes: 2 * NUMBER + block * (most + blocks) + grown }
+}
+
+/// The channels of a pixel, and their encoded form.
+fn channels(aovs: &[Aov], format: Format) -> u64 {
     let layers: Vec<u64> = aovs.iter().map(|aov| aov.channels().len() as u64).collect();
     let channels = 3 + layers.iter().sum::<u64>();
     let written = if format.has_layers() {
@@ -43,7 +89,7 @@ fn picture(pixels: u64, aovs: &[Aov], format: Format) -> u64 {
         // Files are written one after the other: bytes in bands, and a copy of one layer.
         layers.iter().max().map_or(1, |largest| largest * NUMBER)
     };
-    pixels.saturating_mul(channels * NUMBER + written)
+    channels * NUMBER + written
 }
 
 /// The current and the maximum memory of the process in bytes; `None` if the system doesn't report it.

@@ -457,3 +457,37 @@ fn a_preview_that_cant_be_written_is_a_warning() {
     folder.says("render s.kdl --samples 4 --preview=none/full.png -o c.png", 1, &["there is no folder none"]);
     assert!(!folder.path("c.png").exists(), "it is tried before the work");
 }
+
+/// What --dry-run tells of memory is near what a render takes, with samples, blocks, halves and layers.
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_is_told_beforehand() {
+    let folder = Folder::new();
+    for flags in [
+        "--integrator whitted -o a.png",
+        "--samples 2 -o a.png",
+        "--samples 3 -o a.png",
+        "--samples 3 -o a.exr",
+        "--samples 2 --denoise=fast -o a.png",
+    ] {
+        let run = format!("render s.kdl --size 480x360 {flags} --progress json");
+        let said = folder.says(&format!("{run} --dry-run"), 0, &["\"peak\""]);
+        let plan: serde_json::Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+        let told = plan["memory"]["peak"].as_f64().unwrap();
+        let script = format!("{} {run} 2>/dev/null & wait $!", env!("CARGO_BIN_EXE_canaletto"));
+        let mut shell = Command::new("sh").args(["-c", &script]).current_dir(folder.0.path()).spawn().unwrap();
+        let mut real = 0.0f64;
+        while shell.try_wait().unwrap().is_none() {
+            let children = fs::read_to_string(format!("/proc/{0}/task/{0}/children", shell.id())).unwrap_or_default();
+            for child in children.split_whitespace() {
+                let status = fs::read_to_string(format!("/proc/{child}/status")).unwrap_or_default();
+                let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+                let kilobytes = peak.and_then(|peak| peak.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
+                real = real.max(kilobytes.unwrap_or(0.0) * 1024.0);
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let ratio = told / real;
+        assert!((0.75..1.4).contains(&ratio), "{flags}: told {told}, real {real}");
+    }
+}

@@ -5,11 +5,12 @@ mod recipe;
 
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
-use crate::flags::SourceFlags;
+use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::{JSON_VERSION, bytes, count, duration, plural, short};
 use crate::memory::Memory;
 use crate::output_format::Format;
 use crate::picture_file::picture_format;
+use crate::settings::Settings;
 use crate::source::{Source, UsedFile, build, on_threads};
 use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
@@ -78,10 +79,10 @@ pub(crate) fn run(flags: &InfoFlags) -> Result<Exit, Failure> {
         print_diagnostics(&source.warnings, false);
         let Source { name, scene, files, time: read, .. } = source;
         let (views, materials) = (scene.views.clone(), scene.materials.clone());
+        // A scene without a camera has no picture.
+        let job = Settings::new(&name, &scene, &PictureFlags::default()).ok().map(|settings| settings.job);
         let (world, build) = build(&name, scene, &flags.source.build_options(0), None)?;
-        let pixels =
-            views.first().map_or(0, |view| u64::from(view.intrinsics.width) * u64::from(view.intrinsics.height));
-        let memory = Memory::of(&world, pixels, &[], Format::default());
+        let memory = Memory::of(&world, job.as_ref(), Format::default(), false);
         Ok::<Info, Failure>(Info { name, files, views, materials, world, read, build, memory })
     })??;
     if flags.json {

@@ -4,26 +4,26 @@ use super::{Plan, RenderFlags};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::format::{JSON_VERSION, bytes, count, plural};
-use crate::memory::Memory;
+use crate::memory::{Memory, picture};
+use crate::output_format::Format;
 use crate::progress::{Style, emit};
 use crate::settings::{Settings, list, sampling_words};
 use crate::stdout::print;
 use canaletto::Named;
 use canaletto::memory;
-use canaletto::render::Aov;
+use canaletto::render::Job;
 use canaletto::scene::Transfer;
 use canaletto::world::WorldStats;
 use serde_json::json;
 
-/// Checks before rendering that memory suffices for a picture with its layers. The factor 3 covers the picture, the
-/// copy in the file's order and the compressed bytes.
-pub(super) fn room(aovs: &[Aov], [width, height]: [u32; 2]) -> Result<(), Failure> {
-    let channels = 3 + aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
-    let size = u64::from(width) * u64::from(height) * channels * size_of::<f32>() as u64 * 3;
+/// Checks before rendering that memory suffices for a picture with its layers and samples, and for denoising it.
+pub(super) fn room(job: &Job, format: Format, denoises: bool) -> Result<(), Failure> {
+    let [_, _, width, height] = job.window();
+    let size = picture(job, format, denoises);
     if memory::room(size).is_ok() {
         return Ok(());
     }
-    let (layers, size) = (plural(aovs.len() as u64, "layer"), bytes(size));
+    let (layers, size) = (plural(job.aovs.len() as u64, "layer"), bytes(size));
     let message = format!("there is no memory for {width} x {height} pixels with {layers}: it takes {size}");
     Err(Failure::new(Exit::Failed, message).help("render it in parts with --crop, or with fewer layers"))
 }

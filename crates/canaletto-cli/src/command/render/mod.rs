@@ -25,7 +25,7 @@ use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::watch::watch;
 use canaletto::Named;
-use canaletto::render::Aov;
+use canaletto::render::{Aov, Job};
 use canaletto_io::text::closest_word;
 use clap::Args;
 use dry_run::{dry_run, room};
@@ -340,13 +340,13 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
     }
     let mut settings = Settings::new(&source.name, &source.scene, &flags.picture)?;
     settings.job = flags.passes.apply(settings.job, flags.picture.samples)?;
-    let [_, _, width, height] = settings.job.window();
     settings.check_pixels()?;
     flags.solution.check_integrator(&source.name, &settings.job.integrator)?;
     flags.shooting.check_integrator(&source.name, &settings.job.integrator)?;
     let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
     solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
-    room(&plan.aovs, [width, height])?;
+    let job = Job { aovs: plan.aovs.clone(), ..settings.job.clone() };
+    room(&job, plan.output.format, flags.denoise.is_some())?;
     files.check_scene(&reader)?;
     if plan.frames.count() > 1 && !reader.timeline().moves && !flags.quiet {
         print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);
@@ -361,7 +361,7 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
             let source = reader.at(second)?;
             (world, _) = build(&source.name, source.scene, &options, Some(world))?;
         }
-        let memory = Memory::of(&world, u64::from(width) * u64::from(height), &plan.aovs, plan.output.format);
+        let memory = Memory::of(&world, Some(&job), plan.output.format, flags.denoise.is_some());
         return dry_run(flags, plan, &settings, &stats, memory, files);
     }
     // Errors at later keys are reported before the first frame is rendered.
