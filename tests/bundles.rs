@@ -13,7 +13,7 @@ use canaletto::shape::{
 };
 use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto::{InstructionSet, Ray};
-use canaletto_io::assets::FolderAssets;
+use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::text::read_scene;
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use canaletto_tests::root;
@@ -303,5 +303,28 @@ fn opaque_paths_are_alike_alone_and_together() {
                 assert_eq!(alone, together, "{sampler:?}, depth {max_depth}, {guiding:?}, pixel {x} {y}");
             }
         }
+    }
+}
+
+/// So are paths that only the end of all long paths ends.
+#[test]
+fn long_paths_are_alike_alone_and_together() {
+    let text = "camera { eye 0 0 0.9; center 0 0 0; fovy 60; size 6 6 }
+        film { samples 2 }
+        integrator \"path\" { guiding \"off\" }
+        material \"white\" { kd 1 }
+        material \"lamp\" { kd 0; emission 9 }
+        box material=\"white\" { min -1 -1 -1; max 1 1 1 }
+        disk material=\"lamp\" { center 0 0.99 0; normal 0 -1 0; radius 0.05 }";
+    let scene = read_scene("room.kdl", &MemoryAssets::new().with("room.kdl", text)).unwrap().0;
+    let world = World::build(scene.clone()).unwrap();
+    let job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+    let rendered = render(&world, &job, &()).unwrap();
+    // Two rays for each of several hundred scatterings.
+    assert!(rendered.counts.rays.total() > 72 * 2 * 512, "{}", rendered.counts.rays.total());
+    let explainer = Explainer::new(&world, &job);
+    for (x, y) in (0..6).flat_map(|y| (0..6).map(move |x| (x, y))) {
+        let alone = explainer.paths(x, y).unwrap().color.to_array().map(f32::to_bits);
+        assert_eq!(alone, rendered.picture.pixel(x, y).to_array().map(f32::to_bits), "{x} {y}");
     }
 }

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 pub struct PathSettings {
     /// The most surfaces of a path that scatter light. 0 is no limit, which leaves nothing out.
     pub max_depth: u32,
-    /// Whether Russian roulette ends paths of small throughput. The picture's mean is the same without it.
+    /// Whether Russian roulette ends paths of small throughput and very long ones. The picture's mean is the same
+    /// without it.
     pub roulette: bool,
     /// Whether paths learn where light comes from before the picture is made. The picture's mean is the same.
     pub guiding: Guiding,

@@ -1,11 +1,12 @@
 //! Media and partial coverage against closed forms.
 
-use super::tests::{PATH, matte, mean, node};
+use super::PathSettings;
+use super::tests::{PATH, Spread, matte, mean, node, spread};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni};
 use crate::material::{Dielectric, Material, Medium, Phong};
 use crate::math::Rgb;
-use crate::scene::{Node, Scene};
+use crate::scene::{Guiding, Node, Scene};
 use crate::shape::{Cuboid, Disk, Plane, Shape, Sphere};
 use glam::Vec3;
 
@@ -42,6 +43,33 @@ fn fog_that_absorbs_nothing_is_white() {
         let (mean, error) = mean(&scene, [Vec3::Z * 5.0, Vec3::ZERO], PATH, 64);
         assert!((mean - 1.0).abs() <= 3.3 * error + 1e-5, "{anisotropy}, {eta}: {mean} ± {error}");
         assert!(error < 0.01, "{error}");
+    }
+}
+
+/// So are thick clouds and milk, in which paths are scattered hundreds of times: without a surface, with a smooth or a
+/// rough one, and with a black lamp in them that shines as brightly as the light around. In a body of index η all light
+/// is η² times as bright. The middle pixel is white as well, not the mean of grey ones and a few dots.
+#[test]
+fn thick_white_media_are_white() {
+    let rough = |eta: f32, roughness: f32| {
+        let glass = Dielectric::new(eta);
+        Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass }
+    };
+    let surfaces = [(1.0, 0.0, 0.0), (1.33, 0.0, 0.6), (1.5, 0.4, 0.0), (2.4, 0.3, 0.0)];
+    for ((eta, roughness, anisotropy), has_lamp) in surfaces.into_iter().flat_map(|s| [(s, false), (s, true)]) {
+        let medium = Medium { scattering: Rgb::gray(20.0), anisotropy, ..Medium::VACUUM };
+        let milk = Material::new("milk", rough(eta, roughness)).with_medium(medium);
+        let lamp = Phong { emission: Rgb::gray(eta * eta), ..matte(0.0) };
+        let mut nodes = vec![ball(1.0, 0)];
+        nodes.extend(has_lamp.then(|| ball(0.4, 1)));
+        let materials = vec![milk, Material::new("lamp", lamp)];
+        let scene = Scene { background: Rgb::WHITE, materials, nodes, ..Scene::default() };
+        // Each pixel's ray meets the ball.
+        let views = [Vec3::Z * 4.0, Vec3::ZERO];
+        let Spread { mean, error, middle } = spread(&scene, views, PathSettings { guiding: Guiding::Off, ..PATH }, 8);
+        let what = format!("{eta}, {roughness}, {has_lamp}");
+        assert!((mean - 1.0).abs() <= 3.3 * error + 1e-5 && error < 0.01, "{what}: {mean} ± {error}");
+        assert!((middle - 1.0).abs() < 0.1, "{what}: {middle}");
     }
 }
 

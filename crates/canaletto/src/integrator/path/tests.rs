@@ -5,10 +5,12 @@ use crate::camera::Camera;
 use crate::job::Job;
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni};
-use crate::material::{Material, Phong};
+use crate::material::{Material, Medium, Phong};
 use crate::math::Transform;
 use crate::render::render;
-use crate::scene::{Content, Extrinsics, FilmSettings, Integrator, Intrinsics, Node, Sampling, Scene, WhittedSettings};
+use crate::scene::{
+    Content, Extrinsics, FilmSettings, Guiding, Integrator, Intrinsics, Node, Sampling, Scene, WhittedSettings,
+};
 use crate::shape::{Cuboid, Disk, Mesh, Plane, Shape, Sphere};
 use glam::{DVec3, Vec3};
 
@@ -19,18 +21,39 @@ pub(super) fn mean(
     integrator: impl Into<Integrator>,
     samples: u32,
 ) -> (f64, f64) {
+    let Spread { mean, error, .. } = spread(scene, [eye, center], integrator, samples);
+    (mean, error)
+}
+
+/// The pixels of a picture.
+pub(super) struct Spread {
+    pub(super) mean: f64,
+    /// The mean's standard error.
+    pub(super) error: f64,
+    /// The middle one of their values.
+    pub(super) middle: f64,
+}
+
+/// [`mean`] and more.
+pub(super) fn spread(
+    scene: &Scene,
+    [eye, center]: [Vec3; 2],
+    integrator: impl Into<Integrator>,
+    samples: u32,
+) -> Spread {
     let intrinsics = Intrinsics { fovy: 20.0, width: 32, height: 32, ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2) };
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
     let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, integrator);
     let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
-    let pixels: Vec<f64> = (0..32 * 32)
+    let mut pixels: Vec<f64> = (0..32 * 32)
         .map(|i| picture.pixel(i % 32, i / 32).to_array().map(f64::from).iter().sum::<f64>() / 3.0)
         .collect();
     let n = pixels.len() as f64;
     let mean = pixels.iter().sum::<f64>() / n;
     let variance = pixels.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0);
-    (mean, (variance / n).sqrt())
+    pixels.sort_by(f64::total_cmp);
+    Spread { mean, error: (variance / n).sqrt(), middle: pixels[pixels.len() / 2] }
 }
 
 pub(super) const PATH: PathSettings = PathSettings::DEFAULT;
@@ -53,7 +76,7 @@ fn box_mesh(half: f32) -> Mesh {
 /// In a closed room whose walls have albedo ρ and emit 1 − ρ, the radiance is 1 everywhere.
 #[test]
 fn a_furnace_is_white() {
-    for albedo in [0.0, 0.5, 0.95] {
+    for (albedo, samples) in [(0.0, 64), (0.5, 64), (0.95, 64), (0.99, 4)] {
         let walls = Phong { emission: Rgb::gray(1.0 - albedo), ..matte(albedo) };
         let materials = vec![Material::new("walls", walls).with_two_sided(true), Material::new("ball", matte(albedo))];
         let sphere = node(Shape::Sphere(Sphere { center: Vec3::new(0.1, 0.2, 0.0), radius: 2.0 }), 0);
@@ -66,11 +89,47 @@ fn a_furnace_is_white() {
                 nodes: vec![walls],
                 ..Scene::default()
             };
-            let (mean, error) = mean(&scene, [Vec3::new(0.5, 0.0, 0.5), Vec3::X], PATH, 64);
+            let (mean, error) = mean(&scene, [Vec3::new(0.5, 0.0, 0.5), Vec3::X], PATH, samples);
             // 3.3 standard errors are 99.9 %.
             assert!((mean - 1.0).abs() <= 3.3 * error + 1e-6, "albedo {albedo}: {mean} ± {error}");
             assert!(error < 0.01, "albedo {albedo}: {error}");
         }
+    }
+}
+
+/// Paths of full throughput go on for 512 scatterings. From there to ten times that, one of 31.6 is left.
+#[test]
+fn roulette_leaves_full_throughputs_alone_for_long() {
+    use super::trace::survival;
+    assert!([1, 100, 512].iter().all(|n| survival(Rgb::gray(0.25), *n) == 1.0 && survival(Rgb::gray(3.0), *n) == 1.0));
+    assert_eq!(survival(Rgb::new(0.125, 0.0, 0.0), 512), 0.5);
+    let left: f64 = (513..=5120).map(|n| f64::from(survival(Rgb::WHITE, n))).product();
+    assert!((left - 0.1f64.powf(1.5)).abs() < 1e-5, "{left}");
+}
+
+/// In closed rooms that absorb nothing paths have 512 · 1.5 / 0.5 scatterings on average: no light, no end.
+#[test]
+fn paths_end_where_nothing_absorbs_them() {
+    let mirror = Phong { k: Rgb::WHITE, ..matte(0.0) };
+    let smoke = Medium { scattering: Rgb::gray(3.0), ..Medium::VACUUM };
+    let room = Shape::Box(Cuboid { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) });
+    let rooms = [
+        ("matte", Material::new("walls", matte(1.0))),
+        ("mirrors", Material::new("walls", mirror)),
+        ("smoke", Material::new("walls", matte(1.0)).with_medium(smoke)),
+    ];
+    let view = Intrinsics { fovy: 20.0, width: 16, height: 16, ..Intrinsics::default() };
+    // Not in the middle, from where mirrors send rays into edges.
+    let eye = Extrinsics { eye: DVec3::new(0.1, 0.05, 1.0), ..Extrinsics::default() };
+    let camera = Camera::new(&view, &eye).unwrap();
+    let film = FilmSettings { sampling: Sampling::Sampled(1), ..FilmSettings::default() };
+    for (name, walls) in rooms {
+        let scene = Scene { materials: vec![walls], nodes: vec![node(room, 0)], ..Scene::default() };
+        let unguided = PathSettings { guiding: Guiding::Off, ..PATH };
+        let rendered = render(&World::build(scene).unwrap(), &Job::new(camera.clone(), film, unguided), &()).unwrap();
+        let each = rendered.counts.rays.total() as f64 / 256.0;
+        assert!((1000.0..2300.0).contains(&each), "{name}: {each}");
+        assert!(rendered.picture.pixels.iter().all(|pixel| *pixel == Rgb::BLACK), "{name}");
     }
 }
 

@@ -43,17 +43,26 @@ pub(super) const ROULETTE_AFTER: u32 = 3;
 /// four fifths of the time.
 const ROULETTE_BELOW: f32 = 0.25;
 
-/// The largest probability with which a path survives roulette, so that every path ends.
-const SURVIVAL: f32 = 0.97;
+/// The number of scatterings after which a path may end whatever its throughput, so that every path ends.
+///
+/// After n of them it has survived with probability (512 / n)^1.5. Paths that nothing else ends thus have 1536
+/// scatterings on average. Those of milk and clouds mostly leave before 512. The weight of longer ones grows as
+/// (n / 512)^1.5, where a constant probability q would let it grow as q⁻ⁿ. That is of infinite variance in media that
+/// paths leave more slowly than that.
+const LONG: u32 = 512;
 
-/// The probability with which a path of this throughput survives roulette.
+/// The probability with which a path of this throughput survives roulette at a scattering of this number.
 #[inline(always)]
-pub(super) fn survival(throughput: Rgb) -> f32 {
+pub(super) fn survival(throughput: Rgb, depth: u32) -> f32 {
     let Rgb { r, g, b } = throughput;
     let largest = if r > g { r } else { g };
     let largest = if largest > b { largest } else { b };
-    let survival = largest * (1.0 / ROULETTE_BELOW);
-    if survival < SURVIVAL { survival } else { SURVIVAL }
+    let by_throughput = largest * (1.0 / ROULETTE_BELOW);
+    let by_throughput = if by_throughput < 1.0 { by_throughput } else { 1.0 };
+    // The product of (1 − 1/k) from 513 to n is 512 / n.
+    let step = 1.0 - 1.0 / depth as f32;
+    let by_length = if depth > LONG { step * step.sqrt() } else { 1.0 };
+    by_throughput * by_length
 }
 
 /// The most surfaces of partial coverage that a path passes one after the other.
@@ -405,7 +414,7 @@ impl PathTracer<'_> {
         }
         if self.settings.roulette && path.depth > ROULETTE_AFTER {
             // Guiding makes throughputs small where much light is, and paths there shouldn't end.
-            let survival = survival(path.throughput * path.guided);
+            let survival = survival(path.throughput * path.guided, path.depth);
             let survived = sample.one(place.of(uses::ROULETTE)) < f64::from(survival);
             probe.path(PathEvent::Roulette { survival, survived });
             if !survived {

@@ -238,7 +238,7 @@ impl<S: Scattering8> Kernel for Scatter<'_, S> {
             for (i, guided) in guided.into_iter().enumerate() {
                 let before = rgb(&throughput, i);
                 // Guiding makes throughputs small where much light is, and paths there shouldn't end.
-                let survival = survival(before * guided);
+                let survival = survival(before * guided, self.depth[i]);
                 let is_asked = self.depth[i] > ROULETTE_AFTER;
                 let survives = arrived.u_roulette[i] < f64::from(survival);
                 alive &= !(u32::from(is_asked && !survives) << i);
