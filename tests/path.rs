@@ -99,13 +99,16 @@ fn the_unit_of_length_changes_no_bit_of_paths() {
     }
 }
 
-/// The mean of a picture of this scene text.
-fn mean_of(text: &str, integrator: &str) -> f64 {
-    let text = text.replace("INTEGRATOR", integrator);
+fn picture_of(text: &str) -> Picture {
     let scene = read_scene("s.kdl", &MemoryAssets::new().with("s.kdl", text)).unwrap().0;
     let world = World::build(scene.clone()).unwrap();
     let job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
-    let picture = render(&world, &job, &()).unwrap().picture;
+    render(&world, &job, &()).unwrap().picture
+}
+
+/// The mean of a picture of this scene text.
+fn mean_of(text: &str, integrator: &str) -> f64 {
+    let picture = picture_of(&text.replace("INTEGRATOR", integrator));
     let sum: f64 = picture.pixels.iter().flat_map(|color| color.to_array()).map(f64::from).sum();
     sum / (3.0 * picture.pixels.len() as f64)
 }
@@ -145,4 +148,35 @@ fn a_textured_lamp_lights_by_its_texture() {
     let textured = "; texture \"checks\" use=\"emission\" mapping=\"solid\" space=\"object\" { scale 0.05 }";
     let share = mean_of(&text(textured), "path") / mean_of(&text(""), "path");
     assert!((share - 0.5).abs() < 0.02, "{share}");
+}
+
+/// A checkered floor under an even sky is the same floor of 64 squares, pixel by pixel up to the horizon: with many
+/// samples no footprint blurs it. The samples of both pictures are the same ones.
+#[test]
+fn many_samples_leave_no_blur_of_textures() {
+    let view = |samples: u32| {
+        format!(
+            "camera {{ eye 3 2.2 6; center 0 0.6 0; fovy 40; size 36 24 }}\n\
+             film {{ samples {samples}; filter \"box\"; transfer \"none\" }}\n\
+             integrator \"path\" {{ guiding \"off\" }}\nbackground 1\n"
+        )
+    };
+    let textured = "texture \"checks\" kind=\"checker\" { even 0.1; odd 0.8 }
+        material \"floor\" { texture \"checks\" mapping=\"solid\" space=\"world\" { scale 1.25; translate -5 -0.5 -5 } }
+        box material=\"floor\" { min -5 -1 -5; max 5 0 5 }\n";
+    let mut squares = String::from("material \"even\" { kd 0.1 }\nmaterial \"odd\" { kd 0.8 }\n");
+    for (i, j) in (0..64).map(|i| (i % 8, i / 8)) {
+        let material = if (i + j) % 2 == 0 { "even" } else { "odd" };
+        let [x, z] = [i, j].map(|i| 1.25 * f64::from(i) - 5.0);
+        squares += &format!("box material=\"{material}\" {{ min {x} -1 {z}; max {} 0 {} }}\n", x + 1.25, z + 1.25);
+    }
+    let differences = |samples: u32| -> f32 {
+        let [one, other] = [textured, &squares].map(|floor| picture_of(&(view(samples) + floor)));
+        let floor = one.pixels.iter().zip(&other.pixels);
+        floor.map(|(a, b)| (a.r - b.r).abs()).fold(0.0, f32::max)
+    };
+    let (few, many) = (differences(16), differences(256));
+    // The first 16 samples do blur.
+    assert!(few > 0.004, "{few}");
+    assert!(many < 0.07 * few, "{few}, {many}");
 }

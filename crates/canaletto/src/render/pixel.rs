@@ -10,6 +10,9 @@ use crate::scene::Sampling;
 use crate::world::World;
 use glam::{DVec2, DVec3};
 
+/// The number of a pixel's first samples whose footprints aren't points, in a picture made in passes.
+const FILTERED: u32 = 16;
+
 /// Renders single pixels of a job with an integrator that traces camera rays.
 pub(crate) struct PixelRenderer<'a> {
     job: &'a Job,
@@ -150,7 +153,7 @@ impl<'a> PixelRenderer<'a> {
                 samples.places.push(camera_sample.position);
                 samples.numbers.push(camera_sample.numbers);
             }
-            self.trace(integrator, spacing(self.job.film.sampling), &mut samples);
+            self.trace(integrator, |_| spacing(self.job.film.sampling), &mut samples);
             lattice.fill(&sites, &samples.colors);
         }
         *integrator.counts() = counts;
@@ -227,7 +230,8 @@ impl<'a> PixelRenderer<'a> {
                 samples.numbers.push(numbers);
             }
         }
-        self.trace(integrator, self.progressive_spacing(), &mut samples);
+        let spacing = |at: usize| self.progressive_spacing(first + at as u32 % size);
+        self.trace(integrator, spacing, &mut samples);
         if !integrator.is_cancelled() {
             for (number, colors) in samples.colors.chunks_exact_mut(size as usize).enumerate() {
                 add(number, colors);
@@ -246,8 +250,8 @@ impl<'a> PixelRenderer<'a> {
         probe: &mut P,
         colors: &mut Vec<Rgb>,
     ) -> u64 {
-        let samples = (first..first + size).map(|index| self.progressive_sample(pixel, index));
-        self.trace_each(integrator, samples, self.progressive_spacing(), probe, |color, _| colors.push(color))
+        let sample = |index: u32| (self.progressive_sample(pixel, index), self.progressive_spacing(index));
+        self.trace_each(integrator, (first..first + size).map(sample), probe, |color, _| colors.push(color))
     }
 
     /// Sample number `index` of a pixel of a picture made in passes. It doesn't depend on how many there are, unless
@@ -260,9 +264,15 @@ impl<'a> PixelRenderer<'a> {
         CameraSample { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight: 1.0, numbers }
     }
 
-    /// [`spacing`] in a picture made in passes: that of 64 samples, as their number isn't known.
-    fn progressive_spacing(&self) -> f64 {
-        if self.job.sample_count() == 1 { 1.0 } else { 0.125 }
+    /// [`spacing`] of sample number `index` of a picture made in passes, whose number of samples isn't known: that of
+    /// 64 samples for the first few. Later samples look at points, so that what footprints blur, as at a horizon, falls
+    /// as 1 over the number of samples, faster than noise. With footprints the first samples have less noise.
+    fn progressive_spacing(&self, index: u32) -> f64 {
+        match index {
+            _ if self.job.sample_count() == 1 => 1.0,
+            0..FILTERED => 0.125,
+            _ => 0.0,
+        }
     }
 
     /// Chooses and traces all samples of some pixels.
@@ -279,18 +289,23 @@ impl<'a> PixelRenderer<'a> {
             Sampling::Center => self.choose(pixels, Sampling::Center, samples),
             other => self.choose(pixels, other, samples),
         }
-        self.trace(integrator, spacing(sampling), samples);
+        self.trace(integrator, |_| spacing(sampling), samples);
     }
 
-    /// The colours of the chosen samples.
-    fn trace<'w, I: RayIntegrator<'w>>(&self, integrator: &mut I, spacing: f64, samples: &mut Samples) {
+    /// The colours of the chosen samples. `spacing` is that of a sample by its place in the list.
+    fn trace<'w, I: RayIntegrator<'w>>(
+        &self,
+        integrator: &mut I,
+        spacing: impl Fn(usize) -> f64,
+        samples: &mut Samples,
+    ) {
         let Samples { places, numbers, colors, lines, .. } = samples;
         colors.clear();
         let (world, camera) = (integrator.world(), &self.job.camera);
         let world_moves = world.moves();
         if !self.plain || self.moves(world) {
-            for (place, numbers) in places.iter().zip(numbers) {
-                let CameraRay { line, differential, time, .. } = self.eye(world, *place, numbers, spacing);
+            for (at, (place, numbers)) in places.iter().zip(numbers).enumerate() {
+                let CameraRay { line, differential, time, .. } = self.eye(world, *place, numbers, spacing(at));
                 let times = if world_moves { &[time][..] } else { &[] };
                 integrator.push_camera_rays(&[line], &[*numbers], times, differential);
                 if integrator.is_full() {
@@ -304,11 +319,13 @@ impl<'a> PixelRenderer<'a> {
             return colors.resize(places.len(), Rgb::BLACK);
         }
         let needs_differentials = world.needs_differentials();
-        for (places, numbers) in places.chunks(I::BATCH_SIZE).zip(numbers.chunks(I::BATCH_SIZE)) {
+        let batches = places.chunks(I::BATCH_SIZE).zip(numbers.chunks(I::BATCH_SIZE));
+        for (first, (places, numbers)) in (0..).step_by(I::BATCH_SIZE).zip(batches) {
             lines.resize(places.len(), DRay { origin: DVec3::ZERO, direction: DVec3::ZERO });
             camera.lines(places, lines);
             let seen = if needs_differentials { places } else { &[] };
-            let differentials = seen.iter().map(|[x, y]| camera.differential(*x, *y, spacing));
+            let differential = |(at, [x, y]): (usize, &[f64; 2])| camera.differential(*x, *y, spacing(first + at));
+            let differentials = seen.iter().enumerate().map(differential);
             integrator.push_camera_rays(lines, numbers, &[], differentials);
             colors.extend_from_slice(integrator.trace_pending());
             if integrator.is_cancelled() {
@@ -425,22 +442,22 @@ impl<'a> PixelRenderer<'a> {
         probe: &mut P,
         sum: &mut WeightedSum,
     ) -> u64 {
-        self.trace_each(integrator, camera_samples, spacing(sampling), probe, |color, weight| sum.add(color, weight))
+        let samples = camera_samples.map(|sample| (sample, spacing(sampling)));
+        self.trace_each(integrator, samples, probe, |color, weight| sum.add(color, weight))
     }
 
-    /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. Returns the number of these
-    /// rays.
+    /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. The samples have their
+    /// [`spacing`]s with them. Returns the number of these rays.
     fn trace_each<'w, P: Probe>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
-        camera_samples: impl Iterator<Item = CameraSample>,
-        spacing: f64,
+        camera_samples: impl Iterator<Item = (CameraSample, f64)>,
         probe: &mut P,
         mut add: impl FnMut(Rgb, f64),
     ) -> u64 {
         let before = integrator.counts().total();
         let moves = self.moves(integrator.world());
-        for camera_sample in camera_samples {
+        for (camera_sample, spacing) in camera_samples {
             probe.sample(camera_sample.position, camera_sample.weight);
             let eye = self.eye(integrator.world(), camera_sample.position, &camera_sample.numbers, spacing);
             if !self.plain || moves {
