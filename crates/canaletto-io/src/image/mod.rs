@@ -129,9 +129,6 @@ impl ImageError {
     }
 }
 
-/// The largest value of an image. Larger values, which no image means, are clamped.
-const BRIGHTEST: f32 = Image::MAX_VALUE;
-
 /// The largest total memory of a scene's or a model's images in bytes.
 pub(crate) const MAX_IMAGE_BYTES: u64 = 8 << 30;
 
@@ -161,12 +158,8 @@ pub fn read_image(asset: &Asset) -> Result<(Image, Vec<String>), ImageError> {
     let bytes = asset.bytes.as_slice();
     let (mut image, memory) = unpack(bytes)?;
     image.name = asset.path.name().to_owned();
-    let odd = sanitise(&mut image.samples);
-    let mut notes = match odd {
-        0 => Vec::new(),
-        1 => vec!["one of its numbers is infinite or no number; it is taken as the largest or as 0".into()],
-        _ => vec![format!("{odd} of its numbers are infinite or no numbers; they are taken as the largest or as 0")],
-    };
+    let odd = sanitise(&mut image.samples, usize::from(image.channels));
+    let mut notes = odd.notes();
     if !is_within_budget(memory, bytes.len()) {
         notes.push(format!(
             "its {} bytes unpack to {} × {} texels; reading them took {} MB",
@@ -242,32 +235,72 @@ fn with_memory(image: Image) -> (Image, u64) {
     (image, memory)
 }
 
-/// Replaces NaN and infinite values and clamps too large ones; returns their number.
-fn sanitise(samples: &mut Samples) -> usize {
-    match samples {
-        Samples::U8(_) | Samples::U16(_) => 0,
-        Samples::F16(data) => data
-            .par_iter_mut()
-            .map(|v| {
-                let odd = *v & 0x7c00 == 0x7c00;
-                if odd {
-                    let nan = *v & 0x03ff != 0;
-                    *v = if nan { 0 } else { *v & 0x8000 | 0x7bff };
-                }
-                usize::from(odd)
-            })
-            .sum(),
-        Samples::F32(data) => data
-            .par_iter_mut()
-            .map(|v| {
-                let odd = !v.is_finite() || v.abs() > BRIGHTEST;
-                if odd {
-                    *v = if v.is_nan() { 0.0 } else { v.clamp(-BRIGHTEST, BRIGHTEST) };
-                }
-                usize::from(odd)
-            })
-            .sum(),
+/// The numbers of texels that had to be changed.
+#[derive(Clone, Copy, Default)]
+struct OddTexels {
+    /// Those that were infinite, or too large to mean anything.
+    endless: usize,
+    /// Those of which a number was no number.
+    nan: usize,
+}
+
+impl OddTexels {
+    fn and(self, other: OddTexels) -> OddTexels {
+        OddTexels { endless: self.endless + other.endless, nan: self.nan + other.nan }
     }
+
+    /// What the user is told of them.
+    fn notes(self) -> Vec<String> {
+        let count = |n: usize| match n {
+            1 => "one of its texels is".to_owned(),
+            n => format!("{n} of its texels are"),
+        };
+        let endless = || {
+            format!(
+                "{} infinite or beyond {:e}, which would outshine all others; such numbers are taken as {}",
+                count(self.endless),
+                Image::MAX_VALUE,
+                Image::INFINITE
+            )
+        };
+        let nan = || format!("{} no number (NaN) and taken as 0", count(self.nan));
+        [(self.endless > 0).then(endless), (self.nan > 0).then(nan)].into_iter().flatten().collect()
+    }
+}
+
+/// Replaces NaN by 0, and infinite and too large numbers by [`Image::INFINITE`].
+fn sanitise(samples: &mut Samples, channels: usize) -> OddTexels {
+    match samples {
+        Samples::U8(_) | Samples::U16(_) => OddTexels::default(),
+        Samples::F16(data) => replace_odd(data, channels, |v| {
+            let is_nan = v & 0x03ff != 0;
+            // The largest half float is 65504.
+            (v & 0x7c00 == 0x7c00).then_some((if is_nan { 0 } else { v & 0x8000 | 0x7bff }, is_nan))
+        }),
+        Samples::F32(data) => replace_odd(data, channels, |v| {
+            let mended = if v.is_nan() { 0.0 } else { Image::INFINITE.copysign(v) };
+            (v.is_nan() || v.abs() > Image::MAX_VALUE).then_some((mended, v.is_nan()))
+        }),
+    }
+}
+
+/// Replaces the numbers for which `mend` has another one. It also tells whether a number was NaN.
+fn replace_odd<T: Copy + Send>(
+    data: &mut [T],
+    channels: usize,
+    mend: impl Fn(T) -> Option<(T, bool)> + Sync,
+) -> OddTexels {
+    let texel = |numbers: &mut [T]| {
+        let mut odd = OddTexels::default();
+        for number in numbers {
+            if let Some((mended, is_nan)) = mend(*number) {
+                *number = mended;
+                if is_nan { odd.nan = 1 } else { odd.endless = 1 }
+            }
+        }
+        odd
+    };
+    data.par_chunks_mut(channels).map(texel).reduce(OddTexels::default, OddTexels::and)
 }
 
 /// Checks a size before memory is allocated for it. `explained` is the largest number of texels that the file's bytes

@@ -107,11 +107,27 @@ fn exr_keeps_its_precision_and_its_order() {
     }
     let other = exr(&ramp(&["depth.Z"]));
     assert!(read(other).unwrap_err().to_string().contains("the channels depth.Z instead of R G B or Y"));
-    let mut odd = ramp(&["Y"]);
-    odd.channels[0].data[3] = f32::NAN;
-    odd.channels[0].data[4] = f32::INFINITY;
-    let (image, notes) = read(exr(&odd)).unwrap();
-    assert!(notes[0].starts_with("2 of its numbers") && image.check().is_ok());
+}
+
+/// What is no light doesn't take a picture: infinite texels count as the largest half float, those that are no numbers
+/// as black, and negative ones stay for those who know what they mean.
+#[test]
+fn odd_texels_are_replaced_and_counted() {
+    let odd = [f32::INFINITY, f32::NEG_INFINITY, 1e30, -3e38, 9e9, f32::NAN, -0.5];
+    let mended = [65504.0, -65504.0, 65504.0, -65504.0, 9e9, 0.0, -0.5];
+    let mut picture = ramp(&["R", "G", "B"]);
+    for (at, number) in odd.into_iter().enumerate() {
+        picture.channels[0].data[at] = number;
+    }
+    // A second number of a texel doesn't count again.
+    picture.channels[2].data[0] = f32::INFINITY;
+    let (image, notes) = read(exr(&picture)).unwrap();
+    let Samples::F32(data) = &image.samples else { panic!() };
+    assert!(mended.iter().enumerate().all(|(at, number)| data[3 * at] == *number), "{data:?}");
+    assert!(image.check().is_ok() && image.samples.count_negative(3) == 3);
+    let endless = "4 of its texels are infinite or beyond 1e10, which would outshine all others; such numbers are \
+                   taken as 65504";
+    assert_eq!(notes, [endless, "one of its texels is no number (NaN) and taken as 0"]);
 }
 
 #[test]

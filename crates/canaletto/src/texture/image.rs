@@ -43,8 +43,12 @@ impl Image {
     /// The largest side in texels.
     pub const MAX_SIDE: u32 = 1 << 20;
 
-    /// The largest magnitude of a number. Sums of such numbers stay finite.
-    pub const MAX_VALUE: f32 = 1e30;
+    /// The largest magnitude of a number: six times the sun's luminance in cd/m². Beyond it, no number means anything.
+    pub const MAX_VALUE: f32 = 1e10;
+
+    /// What an infinite number is taken as: the largest of half precision, in which the brightest texels of most images
+    /// are stored.
+    pub const INFINITE: f32 = 65504.0;
 
     /// Checks the size and the count of numbers.
     ///
@@ -91,6 +95,25 @@ impl Image {
 }
 
 impl Samples {
+    /// Takes all negative numbers as 0, as light is none.
+    pub(crate) fn make_positive(&mut self) {
+        match self {
+            Samples::U8(_) | Samples::U16(_) => {}
+            Samples::F16(data) => data.par_iter_mut().filter(|v| **v & 0x8000 != 0).for_each(|v| *v = 0),
+            Samples::F32(data) => data.par_iter_mut().filter(|v| **v < 0.0).for_each(|v| *v = 0.0),
+        }
+    }
+
+    /// The number of texels of so many channels of which a number is negative.
+    pub fn count_negative(&self, channels: u8) -> usize {
+        let channels = usize::from(channels);
+        match self {
+            Samples::U8(_) | Samples::U16(_) => 0,
+            Samples::F16(data) => data.par_chunks(channels).filter(|t| t.iter().any(|v| *v > 0x8000)).count(),
+            Samples::F32(data) => data.par_chunks(channels).filter(|t| t.iter().any(|v| *v < 0.0)).count(),
+        }
+    }
+
     /// The number of numbers.
     pub fn len(&self) -> usize {
         match self {

@@ -235,6 +235,17 @@ impl Decoder<'_> {
     fn image_of(&mut self, f: &Fields, field: &Field<Text>) -> Option<u32> {
         let image = self.image(f.text(field)?, f.span(field));
         self.valid &= image.is_some();
+        if let Some(image) = image.and_then(|image| self.scene.images.get(image as usize)) {
+            let are = match image.samples.count_negative(image.channels) {
+                0 => None,
+                1 => Some("one of its texels is negative and taken".to_owned()),
+                n => Some(format!("{n} of its texels are negative and taken")),
+            };
+            let warn = |are| format!("\"{}\": {are} as 0, since no environment takes light away", image.name);
+            if let Some(are) = are {
+                self.validator.report.push(Message::warning(Some(f.span(field)), warn(are)));
+            }
+        }
         image
     }
 

@@ -226,7 +226,12 @@ impl Decoder<'_> {
     fn slice(&mut self, name: &str, span: Span, from: &AssetPath) -> Option<Image> {
         let asset = self.opened(name, span, from)?;
         match read_image(&asset) {
-            Ok((image, _)) => Some(image),
+            Ok((image, notes)) => {
+                for note in notes {
+                    self.validator.report.push(Message::warning(Some(span), format!("\"{name}\": {note}")));
+                }
+                Some(image)
+            }
             Err(error) => {
                 let message = Message::error(span, format!("\"{name}\": {error}"));
                 self.validator.report.push(match error.help() {

@@ -5,6 +5,9 @@
 //! Its value at a node is the radiance there times sin θ. For such an image the nodes are its texels, so that the
 //! density follows the image's own interpolation. Columns are sampled by the blended cumulative sums of two rows.
 //!
+//! Between a pole and the row of texels beside it, the image's interpolation reaches over the pole: the light of a
+//! texel there is seen half a turn away, too. sin θ falls to 0 meanwhile, so that more rows of nodes lie in between.
+//!
 //! The grid is divided into [`BLOCKS`]. A surface weights each block by the mean cosine of its directions, and the
 //! density within a block is that of the radiance.
 
@@ -23,6 +26,9 @@ const UNIFORM: f64 = 0.02;
 const BLOCK_COLUMNS: usize = 8;
 const BLOCK_ROWS: usize = 4;
 
+/// The number of parts between a pole and the row of texels beside it.
+const POLAR: usize = 4;
+
 /// A number for each block, by column and row.
 type OfBlocks = [[f64; BLOCK_ROWS]; BLOCK_COLUMNS];
 
@@ -33,7 +39,7 @@ const LEAST_COSINE: f64 = 0.02;
 /// The density of directions.
 #[derive(Debug)]
 pub(crate) struct EnvironmentDistribution {
-    /// The numbers of columns and rows of nodes. The first and the last row are the poles.
+    /// The numbers of columns and rows of nodes, by [`height_of`].
     size: [usize; 2],
     /// The densities at the nodes per unit of (u, v), row by row. Their integral over the unit square is 1.
     nodes: Vec<f32>,
@@ -166,24 +172,25 @@ impl EnvironmentDistribution {
     /// The distribution of an environment's light without its sun's disk; none if it is black.
     pub(crate) fn new(environment: &PreparedEnvironment) -> Option<EnvironmentDistribution> {
         let [width, texel_rows] = environment.resolution();
-        let size = [width, texel_rows + 2];
+        let size = [width, rows_of_nodes(texel_rows)];
+        let sines: Vec<f64> = (0..size[1]).map(|row| libm::sin(PI * height_of(row, size[1]))).collect();
         let mut weights = vec![0.0; width * size[1]];
-        let mut whole = 0.0;
-        for row in 1..=texel_rows {
-            let sin = libm::sin(PI * height_of(row, size[1]));
+        for row in 1..size[1] - 1 {
+            let v = height_of(row, size[1]);
             for column in 0..width {
-                let radiance = node_radiance(environment, [width, texel_rows], [column, row - 1]);
-                weights[row * width + column] = radiance.iter().sum::<f64>() * sin;
+                let radiance = node_radiance(environment, [width, texel_rows], column, v);
+                weights[row * width + column] = radiance.iter().sum::<f64>() * sines[row];
             }
-            whole += sin * width as f64;
         }
-        let sum: f64 = weights.iter().sum();
+        let texels = POLAR..POLAR + texel_rows;
+        let sum: f64 = weights[texels.start * width..texels.end * width].iter().sum();
+        let whole = sines[texels].iter().sum::<f64>() * width as f64;
         if sum.is_nan() || sum <= 0.0 || sum.is_infinite() {
             return None;
         }
         let floor = sum / whole * UNIFORM / (1.0 - UNIFORM);
-        for row in 1..=texel_rows {
-            let even = floor * libm::sin(PI * height_of(row, size[1]));
+        for row in 1..size[1] - 1 {
+            let even = floor * sines[row];
             weights[row * width..][..width].iter_mut().for_each(|weight| *weight += even);
         }
         Some(EnvironmentDistribution::of_nodes(size, &weights, 4.0 * PI * sum / whole, environment.to_local))
@@ -244,10 +251,20 @@ impl EnvironmentDistribution {
         (middle, libm::sqrt(spread).max(1e-3))
     }
 
-    /// The rows between nodes that a row of blocks covers.
+    /// The rows between nodes that a row of blocks covers. Those between a pole and the texels beside it count as one.
     fn rows_of(&self, row: usize) -> Range<usize> {
-        let rows = self.size[1] - 1;
-        rows * row / BLOCK_ROWS..rows * (row + 1) / BLOCK_ROWS
+        let rows = self.texel_rows() + 1;
+        let start = |block: usize| match rows * block / BLOCK_ROWS {
+            0 => 0,
+            end if end == rows => self.size[1] - 1,
+            row => row + POLAR - 1,
+        };
+        start(row)..start(row + 1)
+    }
+
+    /// The number of rows of nodes that aren't close to the poles.
+    fn texel_rows(&self) -> usize {
+        self.size[1] - 2 * POLAR
     }
 
     /// The columns between nodes that a column of blocks covers.
@@ -320,13 +337,14 @@ impl EnvironmentDistribution {
         let x = u * width as f64 - 0.5;
         let left = x.floor();
         let column = (left as isize).rem_euclid(width as isize) as usize;
-        // Rows of nodes are half a row apart at the poles, and a row apart elsewhere.
-        let row = ((v * (height - 2) as f64 + 0.5).max(0.0) as usize).min(height - 2);
+        let row = row_at(v, height);
         let [above, below] = [row, row + 1].map(|row| height_of(row, height));
         let y = ((v - above) / (below - above)).clamp(0.0, 1.0);
         // The block is the last one that begins at the place or before it.
         let block = |place: usize, count: usize, blocks: usize| ((place + 1) * blocks - 1) / count;
-        let (block_row, block_column) = (block(row, height - 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
+        let rows = self.texel_rows();
+        let texel_row = (row + 1).saturating_sub(POLAR).min(rows);
+        let (block_row, block_column) = (block(texel_row, rows + 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
         let factor = match normal == DVec3::ZERO {
             true => 1.0,
             false => self.weigh_blocks(normal, two_sided).factor(block_column, block_row),
@@ -349,12 +367,37 @@ impl EnvironmentDistribution {
     }
 }
 
-/// The height v of a row of nodes: the poles, and the middles of the texels' rows.
+/// The number of rows of nodes over so many rows of texels.
+fn rows_of_nodes(texel_rows: usize) -> usize {
+    texel_rows + 2 * POLAR
+}
+
+/// The height v of a row of nodes: a pole, rows up to the texels beside it, the middles of the texels' rows, and so on
+/// to the other pole.
 fn height_of(row: usize, rows: usize) -> f64 {
-    match row {
-        0 => 0.0,
-        _ if row == rows - 1 => 1.0,
-        _ => (row as f64 - 0.5) / (rows - 2) as f64,
+    let texel_rows = (rows - 2 * POLAR) as f64;
+    let polar = |steps: usize| 0.5 * steps as f64 / POLAR as f64 / texel_rows;
+    let steps_below = rows - 1 - row;
+    if row < POLAR {
+        polar(row)
+    } else if steps_below < POLAR {
+        1.0 - polar(steps_below)
+    } else {
+        ((row - POLAR) as f64 + 0.5) / texel_rows
+    }
+}
+
+/// The last of the rows of nodes above a height v, which isn't the last of all.
+fn row_at(v: f64, rows: usize) -> usize {
+    let texel_rows = (rows - 2 * POLAR) as f64;
+    let at = v * texel_rows;
+    let polar = |distance: f64| ((distance * (2 * POLAR) as f64).max(0.0) as usize).min(POLAR - 1);
+    if at < 0.5 {
+        polar(at)
+    } else if at < texel_rows - 0.5 {
+        (POLAR + (at - 0.5) as usize).min(rows - POLAR - 2)
+    } else {
+        rows - 1 - POLAR + polar(at - (texel_rows - 0.5))
     }
 }
 
@@ -382,25 +425,29 @@ fn linear(u: f64, [a, b]: [f64; 2]) -> f64 {
     if divisor > 0.0 { (u * (a + b) / divisor).clamp(0.0, 1.0 - f64::EPSILON) } else { u }
 }
 
-/// The radiance at a node: of the texel there, or the mean of four lookups around it that each cover a quarter.
-fn node_radiance(environment: &PreparedEnvironment, [width, rows]: [usize; 2], [column, row]: [usize; 2]) -> [f64; 3] {
+/// The radiance at a node of a grid of so many columns and rows of texels: where the grid is the image's own that of a
+/// point, otherwise the mean of four lookups around it that each cover a quarter.
+fn node_radiance(environment: &PreparedEnvironment, [width, rows]: [usize; 2], column: usize, v: f64) -> [f64; 3] {
     let to_scene = environment.to_local.inverse();
+    let (width, rows, is_own) = (width as f64, rows as f64, environment.panorama_size() == Some([width, rows]));
     let direction = |x: f64, y: f64| {
-        let place = [x / width as f64, (y / rows as f64).clamp(0.0, 1.0)];
+        let place = [x / width, (y / rows).clamp(0.0, 1.0)];
         to_scene.vector(panorama::direction(place)).normalize()
     };
     let look = |middle: DVec3, footprint: [DVec3; 2]| {
         environment.radiance_without_sun(middle, footprint).to_array().map(f64::from)
     };
-    let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
-    if environment.panorama_size() == Some([width, rows]) {
+    let (x, y) = (column as f64 + 0.5, v * rows);
+    if is_own {
         return look(direction(x, y), [DVec3::ZERO; 2]);
     }
+    // Close to a pole, rows of nodes are closer.
+    let height = (y.min(rows - y) * 2.0).min(1.0);
     let mut sum = [0.0; 3];
     for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
-        let (x, y) = (x + dx, y + dy);
+        let (x, y) = (x + dx, y + dy * height);
         let middle = direction(x, y);
-        let footprint = [direction(x + 0.5, y), direction(x, y + 0.5)].map(|d| d - middle);
+        let footprint = [direction(x + 0.5, y), direction(x, y + 0.5 * height)].map(|d| d - middle);
         sum.iter_mut().zip(look(middle, footprint)).for_each(|(sum, v)| *sum += v * 0.25);
     }
     sum
@@ -523,5 +570,63 @@ mod tests {
         assert!(relative < 0.05, "{relative}");
         let whole = distribution.arriving(&distribution.weights(DVec3::ZERO, false));
         assert!((mean / whole - 1.0).abs() < 0.05, "{mean} {whole}");
+    }
+
+    /// An image that is black but for one texel.
+    fn lamp([width, height]: [u32; 2], [x, y]: [u32; 2]) -> Image {
+        let mut texels = vec![0.0f32; (width * height * 3) as usize];
+        texels[((y * width + x) * 3) as usize..][..3].fill(1.0);
+        Image { name: "lamp".into(), width, height, samples: Samples::F32(texels), ..image() }
+    }
+
+    /// A lone bright texel is sampled as it is seen, also in a row beside a pole, over which it is seen half a turn
+    /// away. The irradiance by samples is that by quadrature, and no light weighs more than a few.
+    #[test]
+    fn lone_texels_are_found_wherever_they_stand() {
+        for at in [[5, 0], [0, 0], [31, 0], [5, 1]] {
+            let kind = EnvironmentKind::LatLong { image: 0, smoothing: Smoothing::Bilinear };
+            let images = &mut [lamp([32, 16], at)];
+            let environment = PreparedEnvironment::new(&Environment::new(kind), images, |_| false).unwrap();
+            let what = format!("{at:?}");
+            let distribution = EnvironmentDistribution::new(&environment).unwrap();
+            // Quadrature over (u, v): dω = 2π² sin θ du dv.
+            let (columns, rows) = (360, 720);
+            let places = (0..columns * rows).map(|i| [(i % columns, columns), (i / columns, rows)]);
+            let places = places.map(|place| place.map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n)));
+            let seen: Vec<(DVec3, f64, f64)> = places
+                .map(|place| {
+                    let d = panorama::direction(place);
+                    let solid = 2.0 * PI * PI * libm::sin(PI * place[1]) / f64::from(columns * rows);
+                    (d, f64::from(environment.radiance_without_sun(d, [DVec3::ZERO; 2]).r), solid)
+                })
+                .collect();
+            for normal in [DVec3::ZERO, DVec3::Y, DVec3::new(0.48, -0.6, 0.64)] {
+                let cosine = |d: DVec3| if normal == DVec3::ZERO { 1.0 } else { d.dot(normal).max(0.0) };
+                let expected: f64 = seen.iter().map(|(d, radiance, solid)| radiance * cosine(*d) * solid).sum();
+                let weights = distribution.weights(normal, false);
+                let pdf = |d: DVec3| distribution.pdf((normal, false), weights.total(), d, panorama::uv(d));
+                let whole: f64 = seen.iter().map(|(d, _, solid)| pdf(*d) * solid).sum();
+                assert!((whole - 1.0).abs() < 2e-3, "{what}: density {whole}");
+                let (mut sum, mut squares) = (0.0, 0.0);
+                let n = 128;
+                for i in 0..n * n {
+                    let sample =
+                        distribution.sample(&weights, [i % n, i / n].map(|i| (f64::from(i) + 0.5) / f64::from(n)));
+                    let again = pdf(sample.wi);
+                    assert!((sample.pdf - again).abs() <= 1e-9 * again, "{what}: {} {again}", sample.pdf);
+                    let radiance = f64::from(environment.radiance_of_sample(&sample).r);
+                    sum += radiance * cosine(sample.wi) / sample.pdf;
+                    squares += radiance * radiance / (sample.pdf * sample.pdf);
+                }
+                let count = f64::from(n * n);
+                assert!((sum / count - expected).abs() <= 2e-2 * expected + 1e-9, "{what}: {} {expected}", sum / count);
+                if normal == DVec3::ZERO {
+                    let relative = squares / count / (expected * expected) - 1.0;
+                    let heaviest =
+                        seen.iter().map(|(d, radiance, _)| radiance / pdf(*d)).fold(0.0, f64::max) / expected;
+                    assert!(relative < 0.2 && heaviest < 3.0, "{what}: {relative}, {heaviest}");
+                }
+            }
+        }
     }
 }

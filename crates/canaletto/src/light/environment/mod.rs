@@ -276,7 +276,9 @@ impl PreparedEnvironment {
             let image = &mut images[used[place] as usize];
             image.check().map_err(|problem| format!("image \"{}\": {problem}", image.name))?;
             let shared = keeps(used[place]) || used[place + 1..].contains(&used[place]);
-            Ok::<Image, String>(if shared { image.clone() } else { std::mem::replace(image, nothing()) })
+            let mut own = if shared { image.clone() } else { std::mem::replace(image, nothing()) };
+            own.samples.make_positive();
+            Ok::<Image, String>(own)
         };
         let kind = match &environment.kind {
             EnvironmentKind::Cube { smoothing, .. } => {
