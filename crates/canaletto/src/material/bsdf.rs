@@ -113,6 +113,25 @@ pub struct BsdfSample {
     pub is_delta: bool,
 }
 
+/// What a surface sends on in one direction to its other side: its smooth refraction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SpecularTransmission {
+    /// The share of the light that passes. Between two η it is that of a ray on the side with the smaller one, where
+    /// nothing is reflected totally.
+    pub(crate) share: Rgb,
+    /// Whether the direction is straight on.
+    pub(crate) is_straight: bool,
+}
+
+impl SpecularTransmission {
+    pub(super) const NONE: SpecularTransmission = SpecularTransmission { share: Rgb::BLACK, is_straight: false };
+
+    /// Whether light passes as if no surface were there.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.is_straight && self.share == Rgb::WHITE
+    }
+}
+
 /// A kind of scattering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -131,7 +150,8 @@ pub enum Lobe {
 impl Bsdf {
     /// f(wo, wi) |cos θ|, where θ is the angle between `wi` and the shading normal. Delta lobes are 0 here.
     ///
-    /// The cosine is included, as in Mitsuba, since the f of Phong's highlight is unbounded where cos θ vanishes.
+    /// The cosine is included, as in Mitsuba, since the f of Phong's highlight is unbounded where cos θ vanishes. That
+    /// highlight is normalised here. Path tracing gives point lights the chapter's instead.
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
         self.seen_from(wo).eval(wi)
     }
@@ -193,6 +213,14 @@ impl SeenBsdf {
         }
     }
 
+    /// [`Bsdf::eval`] for the light of a point light, whose intensity isn't a power: with the chapter's highlight.
+    pub(crate) fn eval_point_light(&self, wi: DVec3) -> Rgb {
+        match self {
+            SeenBsdf::Phong(phong, wo) => phong.eval_point_light(*wo, wi),
+            _ => self.eval(wi),
+        }
+    }
+
     /// [`Bsdf::sample`].
     pub(crate) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         match self {
@@ -201,6 +229,16 @@ impl SeenBsdf {
             SeenBsdf::Conductor(conductor) => conductor.sample(u),
             SeenBsdf::Dielectric(dielectric) => dielectric.sample(u_lobe, u),
             SeenBsdf::Standard(standard) => standard.sample(u_lobe, u),
+        }
+    }
+
+    /// What passes in one direction.
+    pub(crate) fn specular_transmission(&self) -> SpecularTransmission {
+        match self {
+            SeenBsdf::Diffuse(_) | SeenBsdf::Conductor(_) => SpecularTransmission::NONE,
+            SeenBsdf::Phong(phong, _) => phong.specular_transmission(),
+            SeenBsdf::Dielectric(dielectric) => dielectric.specular_transmission(),
+            SeenBsdf::Standard(standard) => standard.specular_transmission(),
         }
     }
 

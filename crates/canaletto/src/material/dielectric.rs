@@ -5,7 +5,10 @@
 use super::bsdf::mirrored_at;
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::{Ggx, on_circle};
-use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_dielectric, reflect, refract};
+use super::{
+    BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect,
+    refract,
+};
 use crate::OutOfRange;
 use crate::math::Rgb;
 use glam::{DMat3, DVec3};
@@ -161,8 +164,20 @@ impl SeenDielectric {
     }
 
     /// Whether both sides have one η, so that nothing is mirrored or bent.
-    pub(crate) fn is_index_matched(&self) -> bool {
+    fn is_index_matched(&self) -> bool {
         self.bsdf.is_index_matched()
+    }
+
+    /// What passes in one direction.
+    pub(super) fn specular_transmission(&self) -> SpecularTransmission {
+        if self.facets.is_some() {
+            return SpecularTransmission::NONE;
+        }
+        let (frame, is_straight) = (&self.bsdf.frame, self.is_index_matched());
+        let ratio = frame.eta_ratio.min(1.0 / frame.eta_ratio);
+        let cos = self.wo.dot(frame.facet_normal(self.wo));
+        let passed = if is_straight { 1.0 } else { 1.0 - fresnel_dielectric(cos, ratio) };
+        SpecularTransmission { share: Rgb::gray(passed as f32), is_straight }
     }
 
     pub(super) fn eval(&self, wi: DVec3) -> Rgb {

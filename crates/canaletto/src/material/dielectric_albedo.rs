@@ -195,8 +195,8 @@ impl Side {
 
 impl Row {
     fn new(index: usize, row: usize, masking: Masking) -> Row {
-        // The first and last one have no finite η of their own.
-        let s = (index as f64).clamp(0.02, INDICES as f64 - 0.5) / INDICES as f64;
+        // The first and last one have no finite η of their own. The last one mirrors nearly all light.
+        let s = (index as f64).clamp(0.02, INDICES as f64 - 1e-3) / INDICES as f64;
         let eta = (1.0 + s) / (1.0 - s);
         const STEPS: u32 = 1024;
         let mean_fresnel = (0..STEPS)

@@ -31,9 +31,10 @@ fn conductor(cos: f64, eta: f32, k: f32) -> f32 {
     let real = eta * eta - k * k - sin2;
     let length = (real * real + 4.0 * eta * eta * k * k).sqrt();
     let a = larger(0.5 * (length + real), 0.0).sqrt();
-    let perpendicular = (length + cos2 - 2.0 * a * cos) / (length + cos2 + 2.0 * a * cos);
-    let (t1, t2) = (cos2 * length + sin2 * sin2, 2.0 * a * cos * sin2);
-    let parallel = perpendicular * (t1 - t2) / (t1 + t2);
+    // Without absorption and with η 1, differences of equal numbers are rounded below 0, and sums may be 0.
+    let share = |sum: f64, less: f64| larger(sum - less, 0.0) / larger(sum + less, f64::MIN_POSITIVE);
+    let perpendicular = share(length + cos2, 2.0 * a * cos);
+    let parallel = perpendicular * share(cos2 * length + sin2 * sin2, 2.0 * a * cos * sin2);
     (0.5 * (perpendicular + parallel)) as f32
 }
 

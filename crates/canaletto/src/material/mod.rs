@@ -26,8 +26,8 @@ mod texture_use;
 #[cfg(test)]
 mod weight_tests;
 
-pub(crate) use bsdf::SeenBsdf;
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
+pub(crate) use bsdf::{SeenBsdf, SpecularTransmission};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub(crate) use conductor::{ConductorPoint, MetalFacets};
@@ -244,6 +244,14 @@ impl Material {
     /// Whether the coverage may be less than 1.
     pub fn has_holes(&self) -> bool {
         self.coverage < 1.0 || self.textures.iter().any(|texture| texture.target == Target::Cutout)
+    }
+
+    /// Whether light may go straight on through a surface of the material in air: a thin wall, or a clear body of η 1.
+    pub(crate) fn may_pass_straight(&self) -> bool {
+        match &self.standard {
+            Some(surface) if surface.thin_walled => surface.transmission.weight > 0.0,
+            _ => self.phong().eta == 1.0 && !self.is_opaque(),
+        }
     }
 
     /// Checks every number's range.

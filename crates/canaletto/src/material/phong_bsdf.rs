@@ -6,15 +6,24 @@
 //! f(wo, wi) cos θ = (kd cos θ + ks cosⁿ α) / π,
 //!
 //! where α is the angle between `wi` and the mirrored direction r (5.37). This is Phong's own form (1975). It is not
-//! reciprocal, and f itself is unbounded at cos θ = 0. The mirrored and the refracted ray carry k and 1 − o, in one
-//! direction each where the surface is polished. A rough surface spreads them as the microfacets do: the lobe is the
-//! factor times the density of the directions that [`sample_ggx_vndf`] leads to, so nothing is lost.
+//! reciprocal, and f itself is unbounded at cos θ = 0.
+//!
+//! The height of that highlight doesn't depend on n, so that it returns 2 / (n + 1) of the light that arrives from all
+//! sides. It suits point lights, whose intensity is no power. Other light is returned by a lobe of the same shape that
+//! is normalised (Lewis, *Making Shaders More Physically Plausible*, 1994): ks times the density (n + 1) / 2π cosⁿ α.
+//! Directions into the surface are mirrored out of it, so that nothing is lost. ks is less there where kd, k and 1 − o
+//! leave less.
+//!
+//! The mirrored and the refracted ray carry k and 1 − o, in one direction each where the surface is polished. A rough
+//! surface spreads them as the microfacets do: the lobe is the factor times the density of the directions that
+//! [`sample_ggx_vndf`] leads to, so nothing is lost.
 //!
 //! Deviation: light from below the geometric surface gives nothing, while (5.39a) admits it where an interpolated
 //! normal leans towards it.
 
 use super::{
-    BsdfSample, Lobe, Phong, ScatteringFrame, ggx_vndf_pdf, reflect, reflect_into_hemisphere, refract, sample_ggx_vndf,
+    BsdfSample, Lobe, Phong, ScatteringFrame, SpecularTransmission, ggx_vndf_pdf, reflect, reflect_into_hemisphere,
+    refract, sample_ggx_vndf,
 };
 use crate::math::{Rgb, warp};
 use glam::DVec3;
@@ -25,6 +34,8 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 pub struct PhongBsdf {
     phong: Phong,
     frame: ScatteringFrame,
+    /// The share of light from all sides that the highlight returns.
+    gloss: Rgb,
     /// The cumulative sums of the lobes' probabilities, in the order of [`LOBES`]. All are 0 for a black surface.
     sums: [f64; 4],
 }
@@ -34,15 +45,14 @@ const LOBES: [Lobe; 4] = [Lobe::Diffuse, Lobe::Highlight, Lobe::Mirror, Lobe::Re
 impl PhongBsdf {
     pub(super) fn new(phong: Phong, frame: ScatteringFrame) -> PhongBsdf {
         let size = |color: Rgb| f64::from(color.max_component());
-        // The lobes' albedos; that of the highlight is 2 / (n + 1) at most.
-        let highlight = size(phong.ks) * (2.0 / (f64::from(phong.n) + 1.0)).min(1.0);
-        let albedos = [size(phong.kd), highlight, size(phong.k), f64::from(1.0 - phong.opacity)];
+        let gloss = gloss(&phong);
+        let albedos = [size(phong.kd), size(gloss), size(phong.k), f64::from(1.0 - phong.opacity)];
         let mut total = 0.0;
         let sums = albedos.map(|albedo| {
             total += albedo;
             total
         });
-        PhongBsdf { phong, frame, sums: if total > 0.0 { sums.map(|sum| sum / total) } else { sums } }
+        PhongBsdf { phong, frame, gloss, sums: if total > 0.0 { sums.map(|sum| sum / total) } else { sums } }
     }
 
     /// The probability of a lobe.
@@ -64,13 +74,34 @@ impl PhongBsdf {
         LOBES.iter().enumerate().all(|(i, lobe)| self.probability(i) == 0.0 || self.is_delta_lobe(*lobe))
     }
 
+    /// What passes in one direction.
+    pub(super) fn specular_transmission(&self) -> SpecularTransmission {
+        if !self.is_delta_lobe(Lobe::Refraction) {
+            return SpecularTransmission::NONE;
+        }
+        let share = Rgb::gray(1.0 - self.phong.opacity);
+        SpecularTransmission { share, is_straight: self.frame.eta_ratio == 1.0 }
+    }
+
     /// Whether a direction is on the viewer's side of the surface and of the shading normal.
     fn is_above(&self, wi: DVec3) -> bool {
         self.frame.normal.dot(wi) > 0.0 && self.frame.facing.dot(wi) > 0.0
     }
 
     pub(super) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        let Phong { kd, ks, n, k, opacity, .. } = self.phong;
+        let mut f = Rgb::BLACK;
+        if self.is_above(wi) {
+            f += self.phong.kd * (self.frame.normal.dot(wi) * FRAC_1_PI) as f32;
+        }
+        if !self.gloss.is_black() {
+            f += self.gloss * self.highlight_pdf(wo, wi) as f32;
+        }
+        f + self.eval_rough(wo, wi)
+    }
+
+    /// [`PhongBsdf::eval`] for the light of a point light, with the chapter's highlight.
+    pub(super) fn eval_point_light(&self, wo: DVec3, wi: DVec3) -> Rgb {
+        let Phong { kd, ks, n, .. } = self.phong;
         let mut f = Rgb::BLACK;
         if self.is_above(wi) {
             let cosine = reflect(wo, self.frame.normal).dot(wi);
@@ -78,6 +109,13 @@ impl PhongBsdf {
             // (5.32b), (5.38)
             f += kd * (self.frame.normal.dot(wi) * FRAC_1_PI) as f32 + ks * (highlight * FRAC_1_PI) as f32;
         }
+        f + self.eval_rough(wo, wi)
+    }
+
+    /// The mirror and the refraction of a rough surface.
+    fn eval_rough(&self, wo: DVec3, wi: DVec3) -> Rgb {
+        let Phong { k, opacity, .. } = self.phong;
+        let mut f = Rgb::BLACK;
         if !self.is_delta_lobe(Lobe::Mirror) && !k.is_black() {
             f += k * self.mirror_pdf(wo, wi) as f32;
         }
@@ -112,9 +150,11 @@ impl PhongBsdf {
             Lobe::Highlight => {
                 let cos = libm::pow(1.0 - u[0], 1.0 / (f64::from(self.phong.n) + 1.0));
                 let (sin, across) = (libm::sincos(TAU * u[1]), (1.0 - cos * cos).max(0.0).sqrt());
-                around(self.highlight_axis(wo), DVec3::new(sin.1 * across, sin.0 * across, cos))
+                let wi = around(self.highlight_axis(wo), DVec3::new(sin.1 * across, sin.0 * across, cos));
+                reflect_into_hemisphere(wi, self.frame.facing)
             }
             Lobe::Mirror => self.reflected(wo, self.microfacet(wo, u)),
+            Lobe::Refraction if self.frame.eta_ratio == 1.0 => -wo,
             Lobe::Refraction => {
                 let microfacet = self.microfacet(wo, u);
                 match refract(wo, microfacet.unwrap_or(self.frame.normal), self.frame.eta_ratio) {
@@ -153,10 +193,13 @@ impl PhongBsdf {
         if self.phong.n == 0.0 { self.frame.normal } else { reflect(wo, self.frame.normal) }
     }
 
-    /// The density (n + 1) / 2π cosⁿ α.
+    /// The density (n + 1) / 2π cosⁿ α, folded.
     fn highlight_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let (cosine, n) = (self.highlight_axis(wo).dot(wi), f64::from(self.phong.n));
-        if cosine > 0.0 { (n + 1.0) / TAU * libm::pow(cosine, n) } else { 0.0 }
+        let (axis, n) = (self.highlight_axis(wo), f64::from(self.phong.n));
+        self.folded(wi, 1.0, |wi| {
+            let cosine = axis.dot(wi);
+            if cosine > 0.0 { (n + 1.0) / TAU * libm::pow(cosine, n) } else { 0.0 }
+        })
     }
 
     /// The density of directions mirrored in a microfacet.
@@ -202,6 +245,14 @@ impl PhongBsdf {
         let jacobian = -i / ((ratio * o + i) * (ratio * o + i));
         ggx_vndf_pdf(wo, normal, self.phong.roughness.into(), m) * jacobian
     }
+}
+
+/// The highlight's albedo: ks, made smaller so that no more light leaves than arrives.
+fn gloss(phong: &Phong) -> Rgb {
+    let Phong { kd, ks, k, opacity, .. } = *phong;
+    let left = (Rgb::WHITE - kd - k - Rgb::gray(1.0 - opacity)).to_array();
+    let scale = ks.to_array().into_iter().zip(left).filter(|(ks, _)| *ks > 0.0).map(|(ks, left)| left / ks);
+    ks * scale.fold(1.0, f32::min).max(0.0)
 }
 
 /// The direction with these coordinates in a frame around the unit vector `z`.

@@ -83,10 +83,30 @@ fn evaluation_gives_the_chapters_terms() {
         let (n_dot_l, r) = (light.z, DVec3::new(-wo.x, -wo.y, wo.z));
         let highlight = r.dot(light).max(0.0).powf(phong.n.into());
         let chapter = l * (phong.kd * n_dot_l as f32 + phong.ks * highlight as f32);
-        let ours = l * bsdf(phong, flat(1.0)).eval(wo, light) * PI as f32;
+        let ours = l * bsdf(phong, flat(1.0)).seen_from(wo).eval_point_light(light) * PI as f32;
         let off = (chapter - ours).to_array().into_iter().fold(0.0f32, |most, v| most.max(v.abs()));
         assert!(off < 1e-6, "{phong:?}: {ours:?} instead of {chapter:?}");
-        assert_eq!(bsdf(phong, flat(1.0)).eval(wo, -light), Rgb::BLACK, "light from behind");
+        let behind = bsdf(phong, flat(1.0)).seen_from(wo);
+        assert_eq!([behind.eval_point_light(-light), behind.eval(-light)], [Rgb::BLACK; 2], "light from behind");
+    }
+}
+
+/// The highlight returns ks of the light from all sides, at any angle and with any exponent. Where kd leaves less, it
+/// returns as much as is left.
+#[test]
+fn highlights_return_ks() {
+    let mut random = Random(9);
+    for n in [0.0, 1.0, 7.5, 60.0] {
+        for (kd, ks, expected) in [(0.0, 0.6, 0.6), (0.3, 0.5, 0.8), (0.8, 0.5, 1.0), (1.0, 0.5, 1.0)] {
+            let phong = Phong { kd: Rgb::gray(kd), ks: Rgb::gray(ks), n, ..Phong::default() };
+            let lean = (DVec3::Z + direction(&mut random) * 0.2).normalize();
+            // Diffuse light below the geometric surface is lost, but none of the highlight.
+            let normal = if kd == 0.0 { lean } else { DVec3::Z };
+            let wo = above(&mut random);
+            let bsdf = bsdf(phong, ScatteringFrame { normal, ..flat(1.0) });
+            let albedo = sphere_integral(&|wi| bsdf.eval(wo, wi).r.into());
+            assert!((albedo - expected).abs() < 2e-3, "kd {kd}, ks {ks}, n {n}: {albedo}, not {expected}");
+        }
     }
 }
 

@@ -173,6 +173,8 @@ pub enum PathStep {
         /// What the pixel's sample gains: throughput ⊗ radiance × weight.
         contribution: Rgb,
     },
+    /// The sun's disk or a light is at the end of the ray. It adds nothing, since its light comes by shadow rays.
+    LeftOut(PathEmitter),
     /// The path goes straight on.
     Passed(Passage),
     /// An overlay covers a share of the surface.
@@ -338,7 +340,7 @@ impl PathSample {
                     throughput = (throughput * *f * (1.0 / pdf) as f32).saturated();
                 }
                 PathStep::Roulette { survival, survived: true } => throughput *= 1.0 / survival,
-                PathStep::Roulette { .. } | PathStep::Passed(_) | PathStep::End(_) => {}
+                PathStep::Roulette { .. } | PathStep::LeftOut(_) | PathStep::Passed(_) | PathStep::End(_) => {}
             }
         }
         light.saturated()

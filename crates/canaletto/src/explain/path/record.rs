@@ -164,6 +164,7 @@ impl Probe for PathRecorder<'_> {
                 self.throughput = throughput * factor;
                 self.push(PathStep::Dispersed { channel, factor });
             }
+            PathEvent::LeftOut(emitter) => self.push(PathStep::LeftOut(emitter)),
             PathEvent::Passed(passage) => self.push(PathStep::Passed(passage)),
             PathEvent::Overlay { color, share } => {
                 let contribution = (throughput * color * share).saturated();

@@ -4,7 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::explain::{Explainer, TextStyle};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
-use crate::light::{Light, LightKind, Omni};
+use crate::light::{Light, LightKind, Omni, SphereLight};
 use crate::material::{Conductor, Dielectric, Material, Medium, Phong, StandardSurface, StandardTransmission};
 use crate::render::render;
 use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, Sampling, Scene};
@@ -22,6 +22,9 @@ fn scene() -> Scene {
     let ball = |x: f32, radius: f32| Shape::Sphere(Sphere { center: Vec3::new(x, radius, 0.0), radius });
     let node = |shape: Shape, material: u32| Node::from(shape).with_material(material);
     let light = Light::new(LightKind::Omni(Omni::at(Vec3::new(1.0, 3.0, 2.0))), Rgb::gray(0.5));
+    let sphere = Sphere { center: Vec3::new(-2.0, 4.5, 1.0), radius: 1.0 };
+    let seen = LightKind::Sphere(SphereLight { sphere, points: 1 });
+    let seen = Light { visible: true, ..Light::new(seen, Rgb::gray(0.3)) };
     Scene {
         environment: Some(Environment::new(EnvironmentKind::Gradient(Gradient {
             stops: vec![(-90.0, Rgb::gray(0.1)), (90.0, Rgb::new(0.3, 0.4, 0.9))],
@@ -44,6 +47,7 @@ fn scene() -> Scene {
             node(Shape::Sphere(Sphere { center: Vec3::new(-1.0, 2.0, -0.5), radius: 0.5 }), 6),
             node(Shape::Disk(Disk { center: Vec3::new(0.0, 1.0, 2.0), normal: Vec3::Z, radius: 0.8 }), 5),
             Node::from(light),
+            Node::from(seen),
         ],
         ..Scene::default()
     }
@@ -84,6 +88,7 @@ fn the_factors_of_all_paths_make_the_picture() {
                         PathStep::Dispersed { .. } => "dispersed",
                         PathStep::Found { densities: Some(_), .. } => "weighted",
                         PathStep::Found { .. } => "found",
+                        PathStep::LeftOut(_) => "left out",
                         PathStep::Passed(Passage::Coverage) => "coverage",
                         PathStep::Passed(Passage::IndexMatched) => "index-matched",
                         PathStep::Sampled(node) if node.visible.is_black() => "hidden",
@@ -99,7 +104,7 @@ fn the_factors_of_all_paths_make_the_picture() {
             }
         }
     }
-    assert_eq!(kinds.len(), 14, "{kinds:?}");
+    assert_eq!(kinds.len(), 15, "{kinds:?}");
 }
 
 /// The text tells each factor, and a short one a single path.

@@ -162,6 +162,10 @@ fn write_step(w: &mut TextWriter, step: &PathStep) {
             writeln!(w, "   {name} {}{weighted}", w.rgb(*radiance));
             write_contribution(w, *contribution);
         }
+        PathStep::LeftOut(emitter) => {
+            let seen = if *emitter == PathEmitter::Surface { "the light" } else { "the sun's disk" };
+            writeln!(w, "   {seen} adds nothing: its light comes by shadow rays");
+        }
         PathStep::Passed(Passage::Coverage) => writeln!(w, "   goes straight on: part of the surface is missing"),
         PathStep::Passed(Passage::IndexMatched) => writeln!(w, "   goes straight on: no refraction, no mirror"),
         PathStep::Overlay { color, share, contribution } => {

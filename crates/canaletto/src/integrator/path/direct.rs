@@ -34,6 +34,8 @@ pub(super) struct SourcePoint {
     pub(super) pdf: f64,
     /// The end of its shadow ray. It is negative if nothing can hide the source.
     pub(super) t_max: f32,
+    /// Whether it is one of the chapter's points, whose intensity isn't a power.
+    pub(super) is_point_light: bool,
 }
 
 /// The ray that asks whether a sampled source is seen.
@@ -46,7 +48,7 @@ pub(super) struct ShadowRay {
     pub(super) light: Rgb,
     /// The ray before rounding. At its parameter 1 is the sampled point, if the source isn't infinitely far.
     pub(super) line: DRay,
-    /// The bodies that the ray starts in, and the coinciding surface at its origin, where shadow rays pass surfaces.
+    /// The bodies that the ray starts in, and the coinciding surface at its origin, where shadow rays may pass surfaces.
     pub(super) inside: [u32; 2],
 }
 
@@ -66,8 +68,11 @@ impl PathTracer<'_> {
         probe: &mut P,
     ) -> Option<ShadowRay> {
         let (source, point) = self.sample_point((to, choice), u_source, u)?;
-        let SourcePoint { wi, position, radiance, pdf, t_max } = point;
-        let f = reflected(vertex, wi)?;
+        let SourcePoint { wi, position, radiance, pdf, t_max, is_point_light } = point;
+        let f = if is_point_light { vertex.eval_point_light(wi) } else { vertex.eval(wi) };
+        if f.is_black() || !f.is_finite() {
+            return None;
+        }
         let sample = SourceSample {
             source: self.sampled(source),
             to: position.map_or(wi, |position| position - vertex.position()),
@@ -77,7 +82,8 @@ impl PathTracer<'_> {
             pdf,
             scattering_pdf: source.is_found_by_rays().then(|| vertex.pdf(wi)),
         };
-        let inside = if self.sees_through { self.inside_after(vertex, sample.to)? } else { [NONE; 2] };
+        let inside =
+            if self.sees_through || self.world.has_clear() { self.inside_after(vertex, sample.to)? } else { [NONE; 2] };
         probe.path(PathEvent::Sampled(&sample));
         let ray = shadow_ray(vertex.ray(&vertex.line(wi)).origin, wi, position);
         Some(ShadowRay { source, ray, t_max, light: sample.light(), line: vertex.line(sample.to), inside })
@@ -95,22 +101,25 @@ impl PathTracer<'_> {
         let point = match source {
             Source::Light(number) => {
                 let light = self.light(number);
-                let LightSample { wi, position, li, pdf, .. } = light.sample(to.point, u)?;
+                let LightSample { wi, position, li, pdf, is_delta, .. } = light.sample(to.point, u)?;
                 let end = if position.is_some() { BEFORE_LIGHT } else { f32::INFINITY };
                 let t_max = if light.light.shadows { end } else { f32::NEG_INFINITY };
-                SourcePoint { wi, position, radiance: li, pdf: pdf * chosen, t_max }
+                let is_point_light = is_delta && self.lights.sun != Some(number);
+                SourcePoint { wi, position, radiance: li, pdf: pdf * chosen, t_max, is_point_light }
             }
             Source::Emitter(number) => {
                 let emitter = &self.lights.emitters.all[number as usize];
                 let EmitterSample { point, radiance, pdf } = emitter.sample_from(self.world, self.time, to.point, u)?;
                 let wi = (point - to.point).try_normalize()?;
-                SourcePoint { wi, position: Some(point), radiance, pdf: pdf * chosen, t_max: PAST_EMITTER }
+                let (pdf, t_max) = (pdf * chosen, PAST_EMITTER);
+                SourcePoint { wi, position: Some(point), radiance, pdf, t_max, is_point_light: false }
             }
             Source::Environment => {
                 let sample = self.lights.environment.as_ref()?.sample(&self.blocks, u);
                 let radiance = self.world.environment.as_ref()?.radiance_of_sample(&sample);
                 let EnvironmentSample { wi, pdf, .. } = sample;
-                SourcePoint { wi, position: None, radiance, pdf: pdf * chosen, t_max: f32::INFINITY }
+                let (pdf, t_max) = (pdf * chosen, f32::INFINITY);
+                SourcePoint { wi, position: None, radiance, pdf, t_max, is_point_light: false }
             }
         };
         (!point.radiance.is_black()).then_some((source, point))
@@ -150,18 +159,17 @@ impl PathTracer<'_> {
 
     /// The share of the light of a light that no ray hits, past what lies between.
     pub(super) fn visible_past(&mut self, shadow: &ShadowRay, occlusion: Occlusion) -> Rgb {
-        let ShadowRay { ray, t_max, .. } = shadow;
-        if *t_max < 0.0 {
+        if shadow.t_max < 0.0 {
             return Rgb::WHITE;
         }
         let passed = match occlusion {
-            Occlusion::Nothing => 1.0,
-            Occlusion::Opaque => 0.0,
-            Occlusion::Clear => self.world.transmittance_past(ray, *t_max, self.time, None, occlusion, &mut ()),
+            Occlusion::Nothing => Rgb::WHITE,
+            Occlusion::Opaque => Rgb::BLACK,
+            Occlusion::Clear => return self.visible_through(shadow),
         };
         self.counts.shadow.traced += 1;
-        self.counts.shadow.hit += u64::from(passed == 0.0);
-        Rgb::gray(passed)
+        self.counts.shadow.hit += u64::from(passed.is_black());
+        passed
     }
 
     /// Whether an emitter or the environment is seen, by the first hit of its shadow ray: white or black.
@@ -177,12 +185,6 @@ impl PathTracer<'_> {
         self.counts.shadow.hit += u64::from(!is_seen);
         if is_seen { Rgb::WHITE } else { Rgb::BLACK }
     }
-}
-
-/// f |cos θ| of a direction to a light; none if nothing is scattered.
-fn reflected(vertex: &Vertex, wi: DVec3) -> Option<Rgb> {
-    let f = vertex.eval(wi);
-    (!f.is_black() && f.is_finite()).then_some(f)
 }
 
 /// The ray to a point of a source, or in its direction, from an origin that was moved off the surface.

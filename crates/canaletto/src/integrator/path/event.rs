@@ -52,6 +52,8 @@ pub enum PathEvent<'a> {
         /// The densities of the two ways to find this light. None if there is one way only.
         densities: Option<PathDensities>,
     },
+    /// The sun or a light is there, but shadow rays have asked for its light already, or it lights nothing.
+    LeftOut(PathEmitter),
     /// The surface refracts red, green and blue by different angles, and the path goes on for one of them.
     Dispersed {
         /// The channel.

@@ -81,6 +81,8 @@ pub(super) struct LightSampler {
     far: Vec<(u32, f64)>,
     pub(super) emitters: Emitters,
     pub(super) environment: Option<EnvironmentDistribution>,
+    /// The number of the light that is the environment's sun.
+    pub(super) sun: Option<u32>,
     /// The only group, which is chosen without a look at it.
     only_group: Option<usize>,
     /// The only source, too.
@@ -192,7 +194,10 @@ impl LightSampler {
             ENVIRONMENT => Source::Environment,
             _ => trees[group].sources[0],
         });
-        LightSampler { trees, far, emitters, environment, only_group, only }
+        // The environment's sun is the last light.
+        let has_sun = world.environment.as_ref().is_some_and(|environment| environment.sun_is_light());
+        let sun = has_sun.then(|| world.lights.len() as u32 - 1);
+        LightSampler { trees, far, emitters, environment, sun, only_group, only }
     }
 
     /// The cosine of a light that is infinitely far. `direction` leads to it.
@@ -313,13 +318,16 @@ impl LightSampler {
         environment.pdf((to.normal, to.two_sided), choice.total, direction, place) * choice.environment
     }
 
-    /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light. None if the
-    /// surface shows a light that is a source by itself, so that it adds nothing to what is lit.
-    pub(super) fn lit(&self, world: &World, hit: &Hit, emission: Rgb, distance: f64) -> Option<Rgb> {
+    /// The emission of a hit as it lights a point at a distance: attenuated if it is that of a light.
+    pub(super) fn lit(&self, world: &World, hit: &Hit, emission: Rgb, distance: f64) -> Rgb {
         match world.visible_light(world.material_index(hit)) {
-            None => Some(emission),
-            Some(light) if light.is_emitter => Some(emission / attenuation_divisor(light.attenuation, distance as f32)),
-            Some(_) => None,
+            None => emission,
+            Some(light) => emission / attenuation_divisor(light.attenuation, distance as f32),
         }
+    }
+
+    /// Whether a hit shows a light that shadow rays ask for, so that it adds nothing to what they have lit.
+    pub(super) fn is_light_of_shadow_rays(&self, world: &World, hit: &Hit) -> bool {
+        is_only_seen(world, world.material_index(hit))
     }
 }

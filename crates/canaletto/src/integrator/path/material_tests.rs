@@ -1,9 +1,10 @@
 //! Materials in even light, end to end: what absorbs nothing can't be seen.
 
-use super::tests::{PATH, mean, node};
+use super::tests::{PATH, matte, mean, node, pixels};
+use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::material::{
-    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardSpecular, StandardSurface,
-    StandardTransmission, Target, TextureUse,
+    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardFuzz, StandardSpecular,
+    StandardSurface, StandardThinFilm, StandardTransmission, Target, TextureUse,
 };
 use crate::math::Rgb;
 use crate::scene::{Content, Node, Scene};
@@ -145,4 +146,116 @@ fn clear_bodies_absorb_by_their_depth() {
     let (mean, error) = mean(&scene, [Vec3::Z * 20.0, Vec3::ZERO], PATH, 16);
     let expected = (0.9f64.sqrt() + 0.5f64.sqrt() + 0.1f64.sqrt()) / 3.0;
     assert!((mean - expected).abs() < 0.01 + 3.3 * error, "{mean} ± {error}, not {expected}");
+}
+
+/// The corners of all parameters in even light: nothing is negative or no number, nothing gains light, and what absorbs
+/// nothing loses nothing.
+#[test]
+fn corners_of_materials_keep_light() {
+    let standard = |surface: StandardSurface| Material::new_standard("standard", surface);
+    let white = StandardBase { color: Rgb::WHITE, ..StandardBase::default() };
+    let of = |roughness: f32, specular: [f32; 2], clear: f32, metalness: f32| StandardSurface {
+        base: StandardBase { metalness, ..white },
+        specular: StandardSpecular { roughness, ior: specular[0], weight: specular[1], ..StandardSpecular::default() },
+        transmission: StandardTransmission { weight: clear, ..StandardTransmission::default() },
+        ..StandardSurface::default()
+    };
+    let dielectric = |eta: f32, roughness: f32| {
+        let glass = Dielectric::new(eta);
+        Material::new("glass", Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass })
+    };
+    let conductor = |eta: f32, k: f32, roughness: f32| {
+        let metal = Conductor::new(Rgb::gray(eta), Rgb::gray(k));
+        Material::new("metal", Conductor { phong: Phong { roughness, ..metal.phong }, ..metal })
+    };
+    let phong = |[kd, ks, k, opacity]: [f32; 4], n: f32, roughness: f32| {
+        let [ks, k] = [ks, k].map(Rgb::gray);
+        Material::new("phong", Phong { ks, n, k, opacity, roughness, eta: 1.5, ..matte(kd) })
+    };
+    // Each with the share that comes back: at least this, and at most 1.
+    let mut all: Vec<(String, Material, f64)> = Vec::new();
+    let mut add = |name: String, material: Material, least: f64| all.push((name, material, least));
+    for roughness in [0.0, 0.01, 0.3, 1.0] {
+        for clear in [0.0, 0.1, 0.5, 0.9, 1.0] {
+            add(format!("clear {clear}, {roughness}"), standard(of(roughness, [1.5, 1.0], clear, 0.0)), 1.0);
+        }
+        for (ior, weight) in [(1.0, 1.0), (1.5, 0.0), (1.5, 100.0), (1e4, 1.0), (1e8, 1.0)] {
+            let surface = of(roughness, [ior, weight], 0.0, 0.0);
+            add(format!("ior {ior} by {weight}, {roughness}"), standard(surface), 1.0);
+        }
+        add(format!("half a metal, {roughness}"), standard(of(roughness, [1.5, 1.0], 0.5, 0.5)), 1.0);
+        let coat = StandardCoat { weight: 1.0, ior: 1e4, roughness, ..StandardCoat::default() };
+        add(format!("coat, {roughness}"), standard(StandardSurface { coat, ..of(0.3, [1.5, 1.0], 0.5, 0.0) }), 0.0);
+        for eta in [1.0, 1.0001, 1.5, 1e4, 1e8] {
+            add(format!("dielectric {eta}, {roughness}"), dielectric(eta, roughness), 1.0);
+        }
+        add(format!("nothing, {roughness}"), conductor(1.0, 0.0, roughness), 0.0);
+        add(format!("gold, {roughness}"), conductor(0.2, 3.0, roughness), 0.8);
+        add(format!("tiny η, {roughness}"), conductor(1e-30, 1e-30, roughness), 1.0);
+        add(format!("huge k, {roughness}"), conductor(1.0, 1e30, roughness), 1.0);
+        add(format!("huge η, {roughness}"), conductor(1e30, 0.0, roughness), 1.0);
+        for [kd, ks, k, opacity] in [[0.5, 0.0, 0.5, 1.0], [0.2, 0.0, 0.3, 0.5], [0.2, 0.2, 0.2, 0.6]] {
+            add(format!("{kd} {ks} {k} {opacity}, {roughness}"), phong([kd, ks, k, opacity], 20.0, roughness), 1.0);
+        }
+    }
+    for n in [0.0, 1.0, 30.0, 1e4, 1e8] {
+        add(format!("highlight, n {n}"), phong([0.0, 1.0, 0.0, 1.0], n, 0.0), 1.0);
+        add(format!("half a highlight, n {n}"), phong([0.5, 0.5, 0.0, 1.0], n, 0.0), 1.0);
+        add(format!("more than there is, n {n}"), phong([0.9, 1.0, 0.9, 0.1], n, 0.0), 0.9);
+    }
+    let film = StandardThinFilm { weight: 1.0, thickness: 0.5, ior: 1.4 };
+    let fuzz = StandardFuzz { weight: 1.0, color: Rgb::WHITE, roughness: 0.5 };
+    for clear in [0.0, 0.5] {
+        let surface = of(0.0, [1.5, 1.0], clear, 0.0);
+        add(format!("film on {clear}"), standard(StandardSurface { thin_film: film, ..surface }), 0.9);
+        add(format!("fuzz on {clear}"), standard(StandardSurface { fuzz, ..surface }), 0.9);
+        add(format!("wall of {clear}"), standard(StandardSurface { thin_walled: true, ..surface }), 1.0);
+    }
+    let covered = all.iter().step_by(7).map(|(name, material, least)| {
+        (format!("{name}, a part"), material.clone().with_coverage(0.5), 0.5 + 0.5 * least)
+    });
+    let covered: Vec<_> = covered.collect();
+    let even = Gradient { stops: vec![(-90.0, Rgb::WHITE), (90.0, Rgb::WHITE)] };
+    for (i, (name, material, least)) in all.into_iter().chain(covered).enumerate() {
+        let scene = Scene {
+            background: Rgb::WHITE,
+            environment: (i % 2 == 0).then(|| Environment::new(EnvironmentKind::Gradient(even.clone()))),
+            materials: vec![material],
+            nodes: vec![node(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 2.0 }), 0)],
+            ..Scene::default()
+        };
+        let pixels = pixels(&scene, [Vec3::Z * 5.0, Vec3::ZERO], PATH, 4);
+        let values: Vec<f64> = pixels.iter().map(|pixel| pixel.g.into()).collect();
+        assert!(values.iter().all(|v| *v >= 0.0 && v.is_finite()), "{name}: {values:?}");
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let error = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * n)).sqrt();
+        let slack = 5e-3 + 3.5 * error;
+        assert!(mean <= 1.0 + slack && mean >= least - slack, "{name}: {mean} ± {error}, not {least}");
+        assert!(error < 0.04, "{name}: {error}");
+    }
+}
+
+/// A sharp highlight returns the light of a lamp and of a sky as a mirror of its ks does.
+#[test]
+fn a_sharp_highlight_is_a_mirror() {
+    let sky = Gradient { stops: vec![(-90.0, Rgb::gray(0.2)), (0.0, Rgb::WHITE), (90.0, Rgb::new(0.1, 0.3, 0.9))] };
+    let of = |phong: Phong| {
+        let lamp = Phong { emission: Rgb::gray(3.0), ..matte(0.0) };
+        let scene = Scene {
+            environment: Some(Environment::new(EnvironmentKind::Gradient(sky.clone()))),
+            materials: vec![Material::new("ball", phong), Material::new("lamp", lamp)],
+            nodes: vec![
+                node(Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 2.0 }), 0),
+                node(Shape::Sphere(Sphere { center: Vec3::new(3.0, 4.0, 5.0), radius: 2.0 }), 1),
+            ],
+            ..Scene::default()
+        };
+        mean(&scene, [Vec3::Z * 5.0, Vec3::ZERO], PATH, 64)
+    };
+    let color = Rgb::new(0.4, 0.5, 0.6);
+    let ((gloss, error), (mirror, _)) =
+        (of(Phong { ks: color, n: 3e4, ..matte(0.3) }), of(Phong { k: color, ..matte(0.3) }));
+    assert!((gloss - mirror).abs() < 3.3 * error + 2e-3 * mirror, "{gloss} ± {error}, not {mirror}");
+    assert!(error < 0.03 * mirror, "{error}");
 }

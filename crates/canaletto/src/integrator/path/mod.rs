@@ -7,9 +7,12 @@
 //! The units are those of the chapter: a light of intensity l gives a white matte surface that faces it the radiance l
 //! (5.32). Ambient light isn't added, since it stands for the light that paths find.
 //!
-//! Lights without a surface pass clear bodies by 1 − o, as in (5.39a), since no path finds them. The light of surfaces
-//! and of the environment passes clear bodies along paths only.
+//! Each light path is counted once. Shadow rays to lights pass smooth clear bodies straight on, as in (5.39a). The sun
+//! and others of these lights are seen, too: paths find them in mirrors, but not again through clear bodies. The light
+//! of surfaces and of the environment passes bodies that bend it along paths only.
 
+#[cfg(test)]
+mod clear_tests;
 mod direct;
 mod emitter;
 #[cfg(test)]
@@ -35,7 +38,7 @@ use super::media::Media;
 use super::{Cancelled, Counts, PreparedRayIntegrator, Probe, RayCounts, RayIntegrator};
 use crate::light::PreparedLight;
 use crate::light::environment::BlockWeights;
-use crate::material::{Material, MaterialModel};
+use crate::material::MaterialModel;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
@@ -80,8 +83,7 @@ impl PreparedPath {
             }
         };
         let has_media = has_media(world);
-        let has_no_surface = |material: &Material| material.model.is_index_matched_to_air();
-        let sees_through = has_media || in_use().any(|material| material.has_holes() || has_no_surface(material));
+        let sees_through = has_media || in_use().any(|material| material.has_holes() || material.may_pass_straight());
         PreparedPath {
             settings,
             lights,
@@ -169,7 +171,7 @@ pub(crate) struct PathTracer<'w> {
     guide: Option<&'w GuidingField>,
     /// Whether bodies absorb or scatter light.
     has_media: bool,
-    /// Whether shadow rays pass surfaces: partial coverage, and boundaries of media.
+    /// Whether shadow rays to all sources pass surfaces: partial coverage, and what light passes straight on.
     sees_through: bool,
     counts: RayCounts,
     cancelled: Cancelled<'w>,

@@ -1,15 +1,19 @@
-//! Shadow rays that pass surfaces: holes and partial coverage, boundaries of media, and for lights clear bodies.
+//! Shadow rays that pass surfaces: holes and partial coverage, and what light passes straight on: boundaries of media,
+//! thin walls, sheets of η 1. A path that is scattered towards an emitter passes the same surfaces, so that both find
+//! the same light and can be weighted against each other.
 //!
-//! A path that is scattered towards an emitter passes the same surfaces, so that both find the same light and can be
-//! weighted against each other.
+//! Shadow rays to lights pass smooth clear bodies, too, as if these didn't bend them. The share that passes is the one
+//! of a path that is refracted there. A path that goes through clear bodies finds no such light again.
 
 use super::PathTracer;
 use super::direct::{PAST_EMITTER, ShadowRay};
 use super::light_sampler::Source;
 use super::trace::MAX_PASSED;
+use super::vertex::{SurfaceVertex, Vertex};
 use crate::integrator::media::NONE;
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::whitted::BEFORE_LIGHT;
+use crate::material::StandardSurface;
 use crate::math::Rgb;
 
 /// A smaller share of a light counts as zero.
@@ -73,19 +77,37 @@ impl PathTracer<'_> {
         if is_light && !self.world.casts_shadow(met.hit.instance, met.hit.primitive) {
             return Some([met.inside, NONE]);
         }
-        if met.material.coverage < 1.0 {
-            *passed *= 1.0 - if is_light { met.material.opacity_with_coverage() } else { met.material.coverage };
-            let beyond = self.media.crossing(met.crossing).map(|crossing| [crossing.beyond, crossing.next]);
-            return Some(beyond.unwrap_or([met.inside, NONE]));
+        let (coverage, wo) = (met.material.coverage, frame.wo);
+        if coverage >= 1.0 && !met.material.is_clear() {
+            return None;
         }
         let vertex = self.vertex(met, frame, None);
-        let crossing = vertex.crossing?;
-        if !vertex.is_index_matched() {
-            if !is_light {
-                return None;
-            }
-            *passed *= 1.0 - met.material.phong().opacity;
+        let through = vertex.bsdf.specular_transmission();
+        let mut share = Rgb::BLACK;
+        if is_light || through.is_straight {
+            share = self.in_all_channels(met, &vertex, through.share) * (1.0 - met.material.overlay.1);
         }
-        Some([crossing.beyond, crossing.next])
+        if coverage < 1.0 {
+            share = Rgb::gray(1.0 - coverage) + share * coverage;
+        }
+        if share.is_black() {
+            return None;
+        }
+        *passed = *passed * share;
+        let beyond = self.inside_after(&Vertex::Surface(&vertex), -wo);
+        Some(beyond.unwrap_or([met.inside, NONE]))
+    }
+
+    /// The share that passes a surface by the η of each channel, where `share` is that of all of them by one η.
+    fn in_all_channels(&mut self, met: &VisibleHit, vertex: &SurfaceVertex, share: Rgb) -> Rgb {
+        let is_dispersive = |surface: &StandardSurface| surface.is_dispersive();
+        if share.is_black() || !self.world.material(&met.hit).standard.as_deref().is_some_and(is_dispersive) {
+            return share;
+        }
+        let of_channel = |channel| {
+            let vertex = self.vertex(met, vertex.frame, Some(channel));
+            vertex.bsdf.specular_transmission().share.to_array()[channel]
+        };
+        Rgb::from([0, 1, 2].map(of_channel))
     }
 }

@@ -14,14 +14,24 @@ use crate::scene::{
 use crate::shape::{Cuboid, Disk, Mesh, Plane, Shape, Sphere};
 use glam::{DVec3, Vec3};
 
-/// The mean of all pixels of a scene seen from `eye` to `center`, and its standard error from groups of pixels.
-pub(super) fn mean(
+/// All pixels of a scene seen from `eye` to `center`.
+pub(super) fn pixels(
     scene: &Scene,
     [eye, center]: [Vec3; 2],
     integrator: impl Into<Integrator>,
     samples: u32,
-) -> (f64, f64) {
-    let Spread { mean, error, .. } = spread(scene, [eye, center], integrator, samples);
+) -> Vec<Rgb> {
+    let intrinsics = Intrinsics { fovy: 20.0, width: 32, height: 32, ..Intrinsics::default() };
+    let extrinsics = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2) };
+    let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
+    let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, integrator);
+    let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
+    (0..32 * 32).map(|i| picture.pixel(i % 32, i / 32)).collect()
+}
+
+/// The mean of all pixels of a scene seen from `eye` to `center`, and its standard error from groups of pixels.
+pub(super) fn mean(scene: &Scene, view: [Vec3; 2], integrator: impl Into<Integrator>, samples: u32) -> (f64, f64) {
+    let Spread { mean, error, .. } = spread(scene, view, integrator, samples);
     (mean, error)
 }
 
@@ -35,20 +45,9 @@ pub(super) struct Spread {
 }
 
 /// [`mean`] and more.
-pub(super) fn spread(
-    scene: &Scene,
-    [eye, center]: [Vec3; 2],
-    integrator: impl Into<Integrator>,
-    samples: u32,
-) -> Spread {
-    let intrinsics = Intrinsics { fovy: 20.0, width: 32, height: 32, ..Intrinsics::default() };
-    let extrinsics = Extrinsics { eye: eye.into(), center: center.into(), up: DVec3::new(0.1, 1.0, 0.2) };
-    let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
-    let job = Job::new(Camera::new(&intrinsics, &extrinsics).unwrap(), film, integrator);
-    let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
-    let mut pixels: Vec<f64> = (0..32 * 32)
-        .map(|i| picture.pixel(i % 32, i / 32).to_array().map(f64::from).iter().sum::<f64>() / 3.0)
-        .collect();
+pub(super) fn spread(scene: &Scene, view: [Vec3; 2], integrator: impl Into<Integrator>, samples: u32) -> Spread {
+    let pixels = pixels(scene, view, integrator, samples);
+    let mut pixels: Vec<f64> = pixels.iter().map(|c| c.to_array().map(f64::from).iter().sum::<f64>() / 3.0).collect();
     let n = pixels.len() as f64;
     let mean = pixels.iter().sum::<f64>() / n;
     let variance = pixels.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0);

@@ -84,11 +84,12 @@ struct Segment {
     differential: Option<RayDifferential>,
     /// The bodies that the ray is in, and the coinciding surface at its origin.
     inside: [u32; 2],
-    /// Where it was scattered last. None from the eye, and after a mirror or a refraction, which no light is sampled
-    /// for.
+    /// Where it was scattered last, if it has gone straight on since then. None from the eye, and after a mirror or a
+    /// refraction, which no light is sampled for.
     scattered: Option<ScatteredFrom>,
     /// Whether it has passed surfaces since then.
     passed: bool,
+    asked: Asked,
     kind: Kind,
 }
 
@@ -101,6 +102,18 @@ impl Segment {
         self.differential = met.footprint.map(|f| f.differential.passed(f.step));
         (self.passed, self.kind) = (true, Kind::Passed);
     }
+}
+
+/// Whether lights that are found by shadow rays alone were asked for along a ray: the sun, and others that may be seen.
+/// Their shadow rays pass clear bodies. So a path that goes through clear bodies alone doesn't find their light again.
+#[derive(Clone, Copy, PartialEq)]
+enum Asked {
+    /// The path was not scattered yet: what it meets is seen from the eye, in mirrors or through clear bodies.
+    Nowhere,
+    /// Where it was scattered last. It has gone through clear bodies since then, if anything.
+    Along,
+    /// Where it was scattered last, but it was mirrored since then, where no shadow ray goes.
+    Elsewhere,
 }
 
 /// Why a ray is traced, for counts.
@@ -160,6 +173,7 @@ impl Path {
             inside: [NONE; 2],
             scattered: Some(scattered),
             passed: false,
+            asked: Asked::Along,
             kind: Kind::Scattered(lobe),
         };
         self.depth += 1;
@@ -244,6 +258,7 @@ impl PathTracer<'_> {
             inside: [inside, NONE],
             scattered: None,
             passed: false,
+            asked: Asked::Nowhere,
             kind: Kind::Eye,
         };
         Path {
@@ -424,20 +439,32 @@ impl PathTracer<'_> {
         }
         let inside = self.inside_after(vertex, scattered.wi).ok_or(PathEnd::Absorbed)?;
         let line = vertex.line(scattered.wi);
+        let through = if let Vertex::Surface(surface) = vertex { surface.goes_through(&scattered) } else { None };
+        let goes_straight = through == Some(true);
+        let asked = match (path.segment.asked, through) {
+            _ if !scattered.is_delta => Asked::Along,
+            (before, Some(_)) => before,
+            (Asked::Nowhere, None) => Asked::Nowhere,
+            (_, None) => Asked::Elsewhere,
+        };
+        let scattered_from = match lit {
+            _ if goes_straight => path.segment.scattered.take(),
+            Some((receiver, choice)) if !scattered.is_delta => {
+                Some(ScatteredFrom { receiver, choice, pdf: scattered.pdf })
+            }
+            _ => None,
+        };
         path.segment = Segment {
             ray: vertex.ray(&line),
             line,
             differential: None,
             inside,
-            passed: false,
-            scattered: lit.filter(|_| !scattered.is_delta).map(|(receiver, choice)| ScatteredFrom {
-                receiver,
-                choice,
-                pdf: scattered.pdf,
-            }),
+            passed: goes_straight,
+            scattered: scattered_from,
+            asked,
             kind: Kind::Scattered(scattered.lobe),
         };
-        path.depth += 1;
+        path.depth += u32::from(!goes_straight);
         Ok(())
     }
 
@@ -479,8 +506,20 @@ impl PathTracer<'_> {
         };
         let direction = segment.line.direction;
         let footprint = segment.differential.as_ref().map_or([DVec3::ZERO; 2], |d| d.direction);
+        let shows_sun = match segment.asked {
+            Asked::Nowhere => true,
+            Asked::Along => false,
+            Asked::Elsewhere => environment.sun_is_light(),
+        };
+        if !shows_sun && environment.is_sun(direction) {
+            probe.path(PathEvent::LeftOut(PathEmitter::Environment));
+        }
         let Some(ScatteredFrom { receiver, choice, pdf }) = &segment.scattered else {
-            return found(PathEmitter::Environment, environment.lookup(direction, footprint).radiance, None, probe);
+            let radiance = match shows_sun {
+                true => environment.lookup(direction, footprint).radiance,
+                false => environment.radiance_without_sun(direction, footprint),
+            };
+            return found(PathEmitter::Environment, radiance, None, probe);
         };
         let direction = direction.normalize();
         let (radiance, place) = environment.radiance_and_place(direction, footprint);
@@ -506,12 +545,14 @@ impl PathTracer<'_> {
         if emission.is_black() {
             return emission;
         }
+        if segment.asked == Asked::Along && self.lights.is_light_of_shadow_rays(self.world, hit) {
+            probe.path(PathEvent::LeftOut(PathEmitter::Surface));
+            return Rgb::BLACK;
+        }
         let Some(ScatteredFrom { receiver, choice, pdf }) = &segment.scattered else {
             return found(PathEmitter::Surface, emission, None, probe);
         };
-        let Some(emission) = self.lights.lit(self.world, hit, emission, receiver.point.distance(frame.exact)) else {
-            return Rgb::BLACK;
-        };
+        let emission = self.lights.lit(self.world, hit, emission, receiver.point.distance(frame.exact));
         let densities = is_direct.then(|| {
             let source = self.lights.pdf_of_hit(self.world, (receiver, choice), hit, frame.exact, frame.outer);
             PathDensities { scattering: *pdf, source }

@@ -45,7 +45,14 @@ pub(super) struct SurfaceVertex<'a> {
 impl SurfaceVertex<'_> {
     /// Whether light passes as if no surface were there.
     pub(super) fn is_index_matched(&self) -> bool {
-        matches!(&self.bsdf, SeenBsdf::Dielectric(dielectric) if dielectric.is_index_matched())
+        self.bsdf.specular_transmission().is_whole()
+    }
+
+    /// Whether a sampled direction leads through the surface as the only one of its lobe; if so, whether it is straight
+    /// on.
+    pub(super) fn goes_through(&self, sample: &BsdfSample) -> Option<bool> {
+        let goes_through = sample.is_delta && sample.wi.dot(self.frame.facing) < 0.0;
+        goes_through.then(|| self.bsdf.specular_transmission().is_straight)
     }
 
     /// The density with which the path goes on along `wi`, by the guiding field and by the surface together.
@@ -120,6 +127,14 @@ impl Vertex<'_> {
             Vertex::Surface(surface) => surface.bsdf.eval(wi),
             Vertex::Medium(medium) => Rgb::gray(medium.phase.eval(medium.wo, wi) as f32),
             Vertex::Meter(_) => Rgb::gray(self.pdf(wi) as f32),
+        }
+    }
+
+    /// [`Vertex::eval`] for the light of one of the chapter's points.
+    pub(super) fn eval_point_light(&self, wi: DVec3) -> Rgb {
+        match self {
+            Vertex::Surface(surface) => surface.bsdf.eval_point_light(wi),
+            Vertex::Medium(_) | Vertex::Meter(_) => self.eval(wi),
         }
     }
 

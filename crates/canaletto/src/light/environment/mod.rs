@@ -366,6 +366,19 @@ impl PreparedEnvironment {
         }
     }
 
+    /// Whether a direction of any length but zero leads to the sun's visible disk.
+    pub(crate) fn is_sun(&self, direction: DVec3) -> bool {
+        match &self.kind {
+            Kind::Sky(dome) => dome.is_sun(self.to_local.vector(direction.normalize()).normalize()),
+            Kind::EnvironmentMap(_) | Kind::Gradient(_) => false,
+        }
+    }
+
+    /// Whether the sun lights the scene, by a light of its own.
+    pub(crate) fn sun_is_light(&self) -> bool {
+        matches!(&self.kind, Kind::Sky(dome) if dome.sun_is_light)
+    }
+
     /// [`PreparedEnvironment::radiance_without_sun`] of a sampled direction without a footprint.
     pub(crate) fn radiance_of_sample(&self, sample: &EnvironmentSample) -> Rgb {
         let at_place = match &self.kind {

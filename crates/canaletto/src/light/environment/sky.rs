@@ -125,6 +125,8 @@ pub(super) struct PreparedSky {
     disk: Option<Rgb>,
     /// E / π of a surface that faces the sun: the intensity of its light.
     sunlight: Rgb,
+    /// Whether the sun lights the scene.
+    pub(super) sun_is_light: bool,
 }
 
 /// The part of the sky at which a lookup arrives.
@@ -167,6 +169,7 @@ impl PreparedSky {
             ground: Rgb::BLACK,
             disk: sky.disk.then(|| color(disk, scale)),
             sunlight: color(direct.map(|e| e / PI), scale),
+            sun_is_light: sky.light,
         };
         let lit = dome.irradiance_over_pi() + dome.sunlight * sun.y as f32;
         dome.ground = (lit * sky.ground).saturated();
@@ -183,12 +186,16 @@ impl PreparedSky {
         if direction.y < 0.0 {
             return (Part::Ground, self.ground);
         }
-        let cos_gamma = direction.dot(self.sun).clamp(-1.0, 1.0);
-        let air = self.air(direction.y, cos_gamma);
+        let air = self.air(direction.y, direction.dot(self.sun).clamp(-1.0, 1.0));
         match self.disk {
-            Some(disk) if cos_gamma >= libm::cos(SUN_RADIUS) => (Part::Sun, (air + disk).saturated()),
+            Some(disk) if self.is_sun(direction) => (Part::Sun, (air + disk).saturated()),
             _ => (Part::Air, air),
         }
+    }
+
+    /// Whether a unit direction leads to the visible disk.
+    pub(super) fn is_sun(&self, direction: DVec3) -> bool {
+        self.disk.is_some() && direction.y >= 0.0 && direction.dot(self.sun) >= libm::cos(SUN_RADIUS)
     }
 
     /// The radiance without the sun's disk, whose light comes from its light source.

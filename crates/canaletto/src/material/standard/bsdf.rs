@@ -2,7 +2,7 @@
 
 use super::super::bsdf::mirrored_at;
 use super::super::ggx::{Ggx, Masking};
-use super::super::{BsdfSample, Lobe, ScatteringFrame, fresnel_dielectric, reflect, refract};
+use super::super::{BsdfSample, Lobe, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract};
 use super::diffuse;
 use super::layers::{Layer, Layers, weighted_ior};
 use super::metal::MetalFresnel;
@@ -30,6 +30,9 @@ pub struct StandardBsdf {
     eta_ratio: f64,
     pub(super) diffuse: Rgb,
     diffuse_roughness: f32,
+    /// The cosine to the normal above which diffuse light leaves: that of the critical angle inside a clear body, where
+    /// light to others is reflected totally, if need be for ever.
+    diffuse_from: f64,
     pub(super) metal: MetalFresnel,
     pub(super) metalness: f32,
     pub(super) metal_weight: f32,
@@ -86,6 +89,7 @@ impl StandardBsdf {
             true => frame.eta_ratio,
             false => 1.0 / weighted_ior(ior, specular.weight.into()),
         };
+        let diffuse_from = if from_inside { (1.0 - 1.0 / (eta_ratio * eta_ratio)).max(0.0).sqrt() } else { 0.0 };
         let base_color = point.base_color * base.weight;
         let roughness = point.phong.roughness;
         let [r4, coat_r4] = [roughness, coat.roughness].map(|r| f64::from(r * r) * f64::from(r * r));
@@ -96,7 +100,8 @@ impl StandardBsdf {
             frame,
             eta_ratio,
             diffuse: if thin_walled { base_color } else { blended },
-            diffuse_roughness: base.diffuse_roughness,
+            diffuse_roughness: if from_inside { 0.0 } else { base.diffuse_roughness },
+            diffuse_from,
             metal: MetalFresnel::new(base_color, specular.color),
             metalness: point.metalness,
             metal_weight: specular.weight.min(1.0),
@@ -236,13 +241,38 @@ impl StandardBsdf {
             let share = fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior));
             f += Rgb::gray((share * layers.coat_share * facets(&self.coat_ggx())) as f32);
         }
-        let mut base = diffuse::eval(self.diffuse, self.diffuse_roughness.into(), wo, wi) * layers.diffuse_share
-            + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
+        let mut base =
+            self.eval_diffuse(wo, wi) * layers.diffuse_share + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
         base *= matte as f32;
         if !self.is_smooth() {
             base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;
         }
         f + self.below(layers, &[wo.z, wi.z]) * base
+    }
+
+    /// f cos θ of the diffuse part of the base, without the layers over it.
+    fn eval_diffuse(&self, wo: DVec3, wi: DVec3) -> Rgb {
+        if self.diffuse_from > 0.0 {
+            return self.diffuse * self.diffuse_pdf(wi) as f32;
+        }
+        diffuse::eval(self.diffuse, self.diffuse_roughness.into(), wo, wi)
+    }
+
+    /// The density of diffuse directions: the cosine over the part of the hemisphere that they leave to.
+    fn diffuse_pdf(&self, wi: DVec3) -> f64 {
+        let sin2 = 1.0 - self.diffuse_from * self.diffuse_from;
+        if wi.z > self.diffuse_from { wi.z * FRAC_1_PI / sin2 } else { 0.0 }
+    }
+
+    /// A random diffuse direction.
+    fn sample_diffuse(&self, u: [f64; 2]) -> DVec3 {
+        let wi = warp::cosine_hemisphere(u);
+        if self.diffuse_from == 0.0 {
+            return wi;
+        }
+        let sin2 = 1.0 - self.diffuse_from * self.diffuse_from;
+        let (x, y) = (wi.x * sin2.sqrt(), wi.y * sin2.sqrt());
+        DVec3::new(x, y, (1.0 - x * x - y * y).sqrt())
     }
 
     /// What passes the clear part of the base, without the layers over it.
@@ -290,7 +320,7 @@ impl StandardBsdf {
         let m = (wo + wi).normalize();
         add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
         add(Layer::Coat, &|| self.coat_ggx().mirrored_pdf(wo, m));
-        add(Layer::Diffuse, &|| wi.z * matte);
+        add(Layer::Diffuse, &|| if is_mirrored { 0.0 } else { self.diffuse_pdf(wi) });
         add(Layer::Facets, &|| {
             let cos = wo.dot(m);
             let density = match self.refracts() {
@@ -317,6 +347,11 @@ impl StandardBsdf {
         density * (1.0 - self.mirror_probability(layers, wo.dot(m)))
     }
 
+    /// The share that passes a smooth clear base at this cosine.
+    fn smooth_clear(&self, layers: &Layers, cos: f64) -> Rgb {
+        layers.clear_share * self.below(layers, &[cos]) * self.clear_fresnel(cos)
+    }
+
     /// The direction of a lobe that has only one, with its factor. `passes` tells that light passes the base.
     fn smooth(
         &self,
@@ -328,7 +363,7 @@ impl StandardBsdf {
         let facing = self.frame.facing;
         let cos = wo.dot(normal);
         if passes {
-            let factor = layers.clear_share * self.below(layers, &[cos]) * self.clear_fresnel(cos);
+            let factor = self.smooth_clear(layers, cos);
             if self.thin_walled || self.eta_ratio == 1.0 {
                 return Some((-wo, factor));
             }
@@ -365,7 +400,8 @@ impl SeenStandard {
         let axes = bsdf.frame.facet_axes(wo);
         let local = axes.transpose() * wo;
         let frame = &bsdf.frame;
-        let matte = if frame.is_bent() { 2.0 / (1.0 + axes.z_axis.dot(frame.facing)) } else { 1.0 };
+        let matte =
+            if frame.is_bent() && bsdf.diffuse_from == 0.0 { 2.0 / (1.0 + axes.z_axis.dot(frame.facing)) } else { 1.0 };
         SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local), matte }
     }
 
@@ -380,6 +416,19 @@ impl SeenStandard {
         };
         let mirrored = if self.bsdf.frame.is_bent() { one(mirrored_at(facing, wi), true) } else { None };
         one(wi, false).into_iter().chain(mirrored)
+    }
+
+    /// What passes in one direction.
+    pub(in crate::material) fn specular_transmission(&self) -> SpecularTransmission {
+        let SeenStandard { bsdf, local, layers, .. } = self;
+        if bsdf.clear == 0.0 || !bsdf.is_smooth() && !bsdf.goes_straight() {
+            return SpecularTransmission::NONE;
+        }
+        let is_straight = bsdf.thin_walled || bsdf.eta_ratio == 1.0;
+        let reflects_totally = !is_straight && bsdf.eta_ratio > 1.0;
+        let eta_ratio = if reflects_totally { 1.0 / bsdf.eta_ratio } else { bsdf.eta_ratio };
+        let thinner = StandardBsdf { eta_ratio, ..*bsdf };
+        SpecularTransmission { share: thinner.smooth_clear(layers, local.z), is_straight }
     }
 
     pub(in crate::material) fn eval(&self, wi: DVec3) -> Rgb {
@@ -409,7 +458,7 @@ impl SeenStandard {
         }
         let (lobe, i) = match layer {
             Layer::Fuzz => (Lobe::Diffuse, layers.fuzz?.sample(u)),
-            Layer::Diffuse => (Lobe::Diffuse, warp::cosine_hemisphere(u)),
+            Layer::Diffuse => (Lobe::Diffuse, bsdf.sample_diffuse(u)),
             Layer::Translucent => (Lobe::Diffuse, -warp::cosine_hemisphere(u)),
             Layer::Coat => (Lobe::Mirror, reflect(o, bsdf.coat_ggx().sample_mirroring(o, u))),
             Layer::Straight => return None,

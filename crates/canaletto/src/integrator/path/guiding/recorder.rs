@@ -188,7 +188,11 @@ impl Probe for GuidingRecorder {
                     self.throughput *= 1.0 / survival;
                 }
             }
-            PathEvent::Ray { .. } | PathEvent::Miss | PathEvent::Passed(_) | PathEvent::End(_) => {}
+            PathEvent::Ray { .. }
+            | PathEvent::Miss
+            | PathEvent::LeftOut(_)
+            | PathEvent::Passed(_)
+            | PathEvent::End(_) => {}
         }
     }
 
