@@ -272,7 +272,6 @@ fn rays_are_counted_alike_alone_and_together() {
 fn opaque_paths_are_alike_alone_and_together() {
     let assets = FolderAssets::new(root().join("tests/scenes")).unwrap();
     let scene = read_scene("opaque-paths.kdl", &assets).unwrap().0;
-    let world = World::build(scene.clone()).unwrap();
     let all = (0, true, Guiding::Off);
     let settings = [
         (SamplerKind::Sobol, all),
@@ -283,7 +282,29 @@ fn opaque_paths_are_alike_alone_and_together() {
         (SamplerKind::Sobol, (2, true, Guiding::Off)),
         (SamplerKind::Sobol, (0, true, Guiding::On)),
     ];
-    for (sampler, (max_depth, roulette, guiding)) in settings {
+    paths_are_alike_alone_and_together(&scene, &settings);
+}
+
+/// So they are under clear bodies, which lights and the sun shine through, with and without bodies that light passes
+/// straight on.
+#[test]
+fn paths_under_clear_bodies_are_alike_alone_and_together() {
+    let assets = FolderAssets::new(root().join("tests/scenes")).unwrap();
+    let mut scene = read_scene("clear-paths.kdl", &assets).unwrap().0;
+    for is_straight in [false, true] {
+        if is_straight {
+            let sheet = Phong { kd: Rgb::gray(0.1), opacity: 0.3, ..Phong::default() };
+            scene.materials.push(Material::new("sheet", sheet));
+            let disk = Shape::Disk(Disk { center: Vec3::Y * 2.6, normal: Vec3::Y, radius: 3.0 });
+            scene.nodes.push(Node::from(disk).with_material(scene.materials.len() as u32 - 1));
+        }
+        paths_are_alike_alone_and_together(&scene, &[(SamplerKind::Sobol, (0, true, Guiding::Off))]);
+    }
+}
+
+fn paths_are_alike_alone_and_together(scene: &Scene, settings: &[(SamplerKind, (u32, bool, Guiding))]) {
+    let world = World::build(scene.clone()).unwrap();
+    for &(sampler, (max_depth, roulette, guiding)) in settings {
         let mut job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
         (job.film.sampling, job.film.sampler) = (Sampling::Sampled(2), sampler);
         job.integrator = PathSettings { max_depth, roulette, guiding }.into();
