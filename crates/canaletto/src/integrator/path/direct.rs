@@ -48,7 +48,7 @@ pub(super) struct ShadowRay {
     pub(super) light: Rgb,
     /// The ray before rounding. At its parameter 1 is the sampled point, if the source isn't infinitely far.
     pub(super) line: DRay,
-    /// The bodies that the ray starts in, and the coinciding surface at its origin, where shadow rays may pass surfaces.
+    /// The bodies that the ray starts in, and the coinciding surface at its origin, where shadow rays may pass any.
     pub(super) inside: [u32; 2],
 }
 
