@@ -3,8 +3,8 @@
 use super::tests::{PATH, matte, mean, node, pixels};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::material::{
-    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardFuzz, StandardSpecular,
-    StandardSurface, StandardThinFilm, StandardTransmission, Target, TextureUse,
+    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardSpecular, StandardSurface,
+    StandardTransmission, Target, TextureUse,
 };
 use crate::math::Rgb;
 use crate::scene::{Content, Node, Scene};
@@ -198,25 +198,8 @@ fn corners_of_materials_keep_light() {
             add(format!("{kd} {ks} {k} {opacity}, {roughness}"), phong([kd, ks, k, opacity], 20.0, roughness), 1.0);
         }
     }
-    for n in [0.0, 1.0, 30.0, 1e4, 1e8] {
-        add(format!("highlight, n {n}"), phong([0.0, 1.0, 0.0, 1.0], n, 0.0), 1.0);
-        add(format!("half a highlight, n {n}"), phong([0.5, 0.5, 0.0, 1.0], n, 0.0), 1.0);
-        add(format!("more than there is, n {n}"), phong([0.9, 1.0, 0.9, 0.1], n, 0.0), 0.9);
-    }
-    let film = StandardThinFilm { weight: 1.0, thickness: 0.5, ior: 1.4 };
-    let fuzz = StandardFuzz { weight: 1.0, color: Rgb::WHITE, roughness: 0.5 };
-    for clear in [0.0, 0.5] {
-        let surface = of(0.0, [1.5, 1.0], clear, 0.0);
-        add(format!("film on {clear}"), standard(StandardSurface { thin_film: film, ..surface }), 0.9);
-        add(format!("fuzz on {clear}"), standard(StandardSurface { fuzz, ..surface }), 0.9);
-        add(format!("wall of {clear}"), standard(StandardSurface { thin_walled: true, ..surface }), 1.0);
-    }
-    let covered = all.iter().step_by(7).map(|(name, material, least)| {
-        (format!("{name}, a part"), material.clone().with_coverage(0.5), 0.5 + 0.5 * least)
-    });
-    let covered: Vec<_> = covered.collect();
     let even = Gradient { stops: vec![(-90.0, Rgb::WHITE), (90.0, Rgb::WHITE)] };
-    for (i, (name, material, least)) in all.into_iter().chain(covered).enumerate() {
+    for (i, (name, material, least)) in all.into_iter().enumerate() {
         let scene = Scene {
             background: Rgb::WHITE,
             environment: (i % 2 == 0).then(|| Environment::new(EnvironmentKind::Gradient(even.clone()))),
