@@ -115,7 +115,7 @@ fn lights_shine_through_clear_bodies_by_their_transmittance() {
     let near = || Light::new(LightKind::Omni(Omni::at(sun() * 1e4)), Rgb::WHITE);
     for (name, cover, material, expected) in all {
         for light in [far(), near()] {
-            let scene = covered(cover.clone(), material.clone(), Some(light));
+            let scene = covered(cover, material.clone(), Some(light));
             let ours = mean_color(&pixels(&scene, FLOOR, DIRECT, 1)).map(|v| v / (0.5 * cos));
             let off = ours.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(off < 2e-4, "{name}: {ours:?}, not {expected:?}");
@@ -141,8 +141,7 @@ fn seen_lights_shine_through_clear_bodies_once() {
         ("ball", Shape::Sphere(Sphere { center: Vec3::Y * 1.5, radius: 1.0 }), glass(0.0)),
     ] {
         let settings = PathSettings { max_depth: 3, ..PATH };
-        let of =
-            |visible: bool| mean(&covered(cover.clone(), material.clone(), Some(light(visible))), FLOOR, settings, 16);
+        let of = |visible: bool| mean(&covered(cover, material.clone(), Some(light(visible))), FLOOR, settings, 16);
         let ((seen, error), (unseen, _)) = (of(true), of(false));
         // What is mirrored inside the glass adds a little.
         assert!((seen - unseen).abs() < 0.004 * unseen + 3.3 * error, "{name}: {seen} and {unseen}");
@@ -151,7 +150,7 @@ fn seen_lights_shine_through_clear_bodies_once() {
     let mirror = Material::new("mirror", Phong { k: Rgb::WHITE, ..matte(0.0) });
     let wall = Shape::Plane(Plane { point: Vec3::NEG_Z * 2.0, normal: Vec3::Z });
     let settings = PathSettings { max_depth: 2, ..PATH };
-    let of = |visible: bool| mean(&covered(wall.clone(), mirror.clone(), Some(light(visible))), FLOOR, settings, 128);
+    let of = |visible: bool| mean(&covered(wall, mirror.clone(), Some(light(visible))), FLOOR, settings, 128);
     let ((seen, error), (unseen, _)) = (of(true), of(false));
     let image = Vec3::new(0.0, 4.0, -5.0);
     let expected = f64::from(0.5 * 4.0 * image.normalize().y / image.length_squared());
@@ -173,7 +172,7 @@ fn the_sun_shines_through_clear_bodies_once() {
         // The focus of a ball of η 1.5 is 1.5 radii from its centre.
         let ball = Shape::Sphere(Sphere { center: sun() * 1.45, radius: 1.0 });
         let of = |disk: bool, light: bool| {
-            let covered = covered(ball.clone(), material.clone(), None);
+            let covered = covered(ball, material.clone(), None);
             let scene = Scene { environment: Some(sky(disk, light)), ..covered };
             mean(&scene, FLOOR, PATH, 16).0
         };
@@ -212,7 +211,7 @@ fn a_mirror_throws_the_suns_light_on_its_focus() {
                 triangles: triangles.clone(),
                 ..Mesh::default()
             }],
-            nodes: vec![Node::new(Content::Mesh(0)).with_material(0), node(receiver.clone(), 1)],
+            nodes: vec![Node::new(Content::Mesh(0)).with_material(0), node(receiver, 1)],
             ..Scene::default()
         };
         mean(&scene, [Vec3::Y * (focus - 0.004), Vec3::Y * focus], PathSettings { max_depth: 2, ..PATH }, 8)
