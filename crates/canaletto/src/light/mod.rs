@@ -14,7 +14,7 @@ mod surface_light;
 
 pub use directional::Directional;
 pub use disk::DiskLight;
-pub use ies_profile::{IesProfile, MountedProfile};
+pub use ies_profile::{IesProfile, MountedProfile, Photometry};
 pub use omni::Omni;
 pub(crate) use prepared::attenuation_divisor;
 pub use prepared::{Illumination, PreparedLight};

@@ -143,7 +143,10 @@ static GRADIENT: EnvironmentNode = environment_node(
 );
 
 const SUN: Field<Vec3> = Field::new("sun", "the direction to the sun").or(|| numbers(Sky::default().sun.to_array()));
-const HEIGHT: Field<f64> = Field::new("height", "its height above the horizon, 0 to 90 degrees; goes with azimuth");
+const HEIGHT: Field<f64> = Field::new(
+    "height",
+    "its height above the horizon, -90 to 90 degrees; below it is twilight, then night; goes with azimuth",
+);
 const AZIMUTH: Field<f64> = Field::new("azimuth", "its compass bearing in degrees: 0 north, 90 east; goes with height");
 const PLACE: Field<[f64; 2]> = Field::new("place", "degrees north and east of a place on earth; goes with date");
 const DATE: Field<Text> =
@@ -160,7 +163,7 @@ const LIGHT: Field<bool> = Field::new("light", "whether the sun lights the scene
 
 static SKY: EnvironmentNode = environment_node(
     &["sky"],
-    "A physical sky by day with its sun. y is up; +x is east and −z north. The sun stands in a direction, at a height \
+    "A physical sky with its sun. y is up; +x is east and −z north. The sun stands in a direction, at a height \
      and \
      azimuth, or where it is at a place and time.",
     &[
@@ -277,8 +280,8 @@ impl Decoder<'_> {
             Some((SunForm::Direction, _)) => f.get(&SUN),
             Some((SunForm::Angles, _)) => {
                 let (height, azimuth) = (f.get(&HEIGHT)?, f.get(&AZIMUTH)?);
-                if !(0.0..=90.0).contains(&height) {
-                    let message = format!("height is {height}; it must be between 0 and 90 degrees");
+                if !(-90.0..=90.0).contains(&height) {
+                    let message = format!("height is {height}; it must be between -90 and 90 degrees");
                     return self.no_sun(Message::error(f.span(&HEIGHT), message));
                 }
                 Some(bearing(height, azimuth).as_vec3())

@@ -109,7 +109,7 @@ const OMNI_POSITION: Field<Numbers> = Field::numbers(
 
 const IES: Field<Text> = Field::text(
     "ies",
-    "a file of its light by direction, from the lamp's maker (IESNA LM-63, type C); intensity is that of the brightest \
+    "a file of its light by direction, from the lamp's maker (IESNA LM-63); intensity is that of the brightest \
      direction",
 );
 const IES_AXIS: Field<Vec3> = Field::new("axis", "where the profile's angle 0 looks").or(|| numbers([0.0, -1.0, 0.0]));
@@ -303,7 +303,10 @@ impl Decoder<'_> {
         };
         let from = self.validator.files.get(fields.span(&IES).file)?.path.clone();
         match import::read_ies(file, self.assets, &from) {
-            Ok(profile) => {
+            Ok((profile, warning)) => {
+                if let Some(warning) = warning {
+                    self.validator.report.append(warning.into());
+                }
                 let axis = axis.unwrap_or(aim);
                 // Where the profile looks along z, x is aside.
                 let aside = |v: &Vec3| v.cross(axis).length() > 1e-6 * axis.length();

@@ -1,4 +1,4 @@
-//! A clear or hazy sky by day with its sun: Preetham, Shirley and Smits, *A Practical Analytic Model for Daylight*
+//! A clear or hazy sky with its sun: Preetham, Shirley and Smits, *A Practical Analytic Model for Daylight*
 //! (SIGGRAPH 1999).
 //!
 //! The dome is their fit of Perez's formula to skies that they computed. The sun is a black body of 5778 K behind the
@@ -10,6 +10,9 @@
 //!
 //! Deviations: ozone, water vapour and mixed gases are omitted; they absorb less than a twentieth of the visible light.
 //! The horizon is sharp, and the ground below it is a matte plane lit by sun and sky.
+//!
+//! The model ends with the sun at the horizon. While the sun is lower, that sky is darker by the illuminance of
+//! twilight ([`twilight`]), and its colours stay.
 
 use crate::OutOfRange;
 use crate::math::Rgb;
@@ -17,10 +20,10 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A sky by day; y is upwards.
+/// A sky; y is upwards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sky {
-    /// The direction to the sun, of any length; not below the horizon.
+    /// The direction to the sun, of any length. Below the horizon it makes twilight, and from 18 degrees on night.
     pub sun: Vec3,
     /// The haze, in [`Sky::TURBIDITY`]: 2 is very clear, 3 clear, 6 hazy, 10 thick.
     pub turbidity: f32,
@@ -48,6 +51,34 @@ impl Default for Sky {
     }
 }
 
+/// The decimal logarithm of the illuminance from the sky, relative to that with the sun at the horizon, at each 2 degrees
+/// below it (Janiczek and DeYoung, *Computer Programs for Sun and Moon Illuminance*, US Naval Observatory Circular 171,
+/// 1987): 759 lux at sunset, 3.4 lux where civil twilight ends at 6 degrees, 0.0065 lux at night.
+const TWILIGHT: [f64; 10] = [0.0, -0.603, -1.404, -2.347, -3.338, -4.256, -4.974, -5.415, -5.721, -6.071];
+/// The depth below the horizon in degrees at which the sun has set: its radius, and the refraction of the air.
+const SUNSET: f64 = (16.0 + 34.0) / 60.0;
+
+/// The brightness of the sky for a height of the sun in degrees, relative to that with the sun at the horizon: 1 by day,
+/// falling until 18 degrees below the horizon, then that of the night. It is linear in its logarithm between the table's
+/// places.
+fn twilight(height: f64) -> f64 {
+    let place = (-0.5 * height).clamp(0.0, (TWILIGHT.len() - 1) as f64);
+    let row = (place as usize).min(TWILIGHT.len() - 2);
+    let share = place - row as f64;
+    libm::pow(10.0, TWILIGHT[row] + (TWILIGHT[row + 1] - TWILIGHT[row]) * share)
+}
+
+/// The sun's direction, but at the horizon if it is lower, and its height in degrees.
+fn sun_by_day(direction: Vec3) -> (DVec3, f64) {
+    let sun = direction.as_dvec3().normalize();
+    if sun.y >= 0.0 {
+        return (sun, 0.0);
+    }
+    // Straight down the bearing doesn't matter: it is night.
+    let across = DVec3::new(sun.x, 0.0, sun.z).normalize_or(DVec3::NEG_Z);
+    (across, libm::asin(sun.y.max(-1.0)).to_degrees())
+}
+
 /// The angular radius of the sun's disk in radians: 16 minutes of arc.
 const SUN_RADIUS: f64 = 16.0 / 60.0 * PI / 180.0;
 /// The luminance in kcd/m² that is 1 at exposure 0.
@@ -66,15 +97,8 @@ impl Sky {
                 format!("is {}; it must be between 2 (very clear) and 10 (thick haze)", self.turbidity),
             ));
         }
-        let Some(sun) = self.sun.as_dvec3().try_normalize() else {
+        if self.sun.as_dvec3().try_normalize().is_none() {
             return Err(OutOfRange::new("sun", "has no direction"));
-        };
-        if sun.y < 0.0 {
-            let below = -libm::asin(sun.y).to_degrees();
-            return Err(OutOfRange::new(
-                "sun",
-                format!("is {below:.1} degrees below the horizon; the sky is one by day"),
-            ));
         }
         if self.ground.to_array().iter().any(|v| !(0.0..=1.0).contains(v)) {
             let g = self.ground;
@@ -127,6 +151,7 @@ pub(super) struct PreparedSky {
     sunlight: Rgb,
     /// Whether the sun lights the scene.
     pub(super) sun_is_light: bool,
+    has_risen: bool,
 }
 
 /// The part of the sky at which a lookup arrives.
@@ -145,7 +170,7 @@ impl PreparedSky {
     /// The dome of a sky whose numbers are in range.
     pub(super) fn new(sky: &Sky) -> PreparedSky {
         let turbidity = f64::from(sky.turbidity);
-        let sun = sky.sun.as_dvec3().normalize();
+        let (sun, depth) = sun_by_day(sky.sun);
         let theta = libm::acos(sun.y.clamp(0.0, 1.0));
         let perez = [
             // Table 2 of the paper's appendix.
@@ -156,8 +181,11 @@ impl PreparedSky {
         .map(|fit| Perez::new(turbidity, fit));
         let zenith = zenith(turbidity, theta);
         let at_zenith = [0, 1, 2].map(|i| zenith[i] / perez[i].at(1.0, theta, sun.y));
-        let scale = libm::exp2(f64::from(sky.exposure)) / UNIT;
-        let direct = direct_sunlight(turbidity, theta);
+        let exposed = libm::exp2(f64::from(sky.exposure)) / UNIT;
+        let scale = exposed * twilight(depth);
+        // The disk sinks below the horizon.
+        let above = (1.0 + depth / SUNSET).max(0.0);
+        let direct = direct_sunlight(turbidity, theta).map(|e| e * above);
         // Every point of the disk has the radiance L, and ∫ over the disk of L cos is L π sin².
         let sin = libm::sin(SUN_RADIUS);
         let disk = direct.map(|e| e / (PI * sin * sin));
@@ -167,13 +195,24 @@ impl PreparedSky {
             zenith: at_zenith,
             scale,
             ground: Rgb::BLACK,
-            disk: sky.disk.then(|| color(disk, scale)),
-            sunlight: color(direct.map(|e| e / PI), scale),
+            disk: (sky.disk && above > 0.0).then(|| color(disk, exposed)),
+            sunlight: color(direct.map(|e| e / PI), exposed),
             sun_is_light: sky.light,
+            has_risen: above > 0.0,
         };
         let lit = dome.irradiance_over_pi() + dome.sunlight * sun.y as f32;
         dome.ground = (lit * sky.ground).saturated();
         dome
+    }
+
+    /// The unit direction to the sun, which isn't below the horizon.
+    pub(super) fn sun(&self) -> DVec3 {
+        self.sun
+    }
+
+    /// Whether a part of the sun's disk is above the horizon.
+    pub(super) fn has_risen(&self) -> bool {
+        self.has_risen
     }
 
     /// E/π of a surface that faces the sun.
@@ -394,6 +433,40 @@ mod tests {
         // through.
         let all = luminance(dome.ground) / 0.2 * PI;
         assert!((40.0..120.0).contains(&all), "{all} klx");
+    }
+
+    /// From noon to midnight the light falls without a jump, from the model's to a night's, and is never NaN.
+    #[test]
+    fn the_sky_goes_on_below_the_horizon() {
+        let lux = |height: f64| {
+            let dome = sky(height, 3.0);
+            for direction in [DVec3::Y, DVec3::NEG_Y, DVec3::X, dome.sun(), -dome.sun(), DVec3::new(0.6, 0.0, 0.8)] {
+                let (_, value) = dome.lookup(direction);
+                assert!(value.is_finite() && value.to_array().iter().all(|v| *v >= 0.0), "{height}: {value:?}");
+            }
+            assert!(dome.sunlight().is_finite() && dome.sun().y >= 0.0);
+            1000.0 * PI * luminance(dome.irradiance_over_pi())
+        };
+        let sunset = lux(0.0);
+        // The table of twilight: civil, nautical and astronomical.
+        for (height, measured) in [(-6.0, 3.4), (-12.0, 0.0081), (-18.0, 0.00065)] {
+            let found = lux(height) / sunset * 758.6;
+            assert!((found / measured - 1.0).abs() < 0.05, "{height}: {found} lux, not {measured}");
+        }
+        let step = 0.05;
+        let mut last = sunset;
+        for i in 1..=400 {
+            let height = -step * f64::from(i);
+            let here = lux(height);
+            assert!(here <= last && here > last * 0.92, "{height}: {here} after {last}");
+            last = here;
+        }
+        assert_eq!([lux(-18.0), lux(-50.0)].map(|v| v as f32), [lux(-90.0) as f32; 2]);
+        lux(90.0);
+        // The sun's own light falls to 0 while the disk sinks.
+        let suns = [0.0, -0.1, -0.5, -0.9].map(|height| luminance(sky(height, 3.0).sunlight()));
+        assert!(suns[0] > suns[1] && suns[1] > 0.85 * suns[0] && suns[2] > 0.0 && suns[3] == 0.0, "{suns:?}");
+        assert!(sky(-0.9, 3.0).disk.is_none());
     }
 
     /// The light of the disk equals that of the light source that replaces it.
