@@ -54,7 +54,7 @@ pub(crate) struct UsedFile {
 impl Source {
     /// Reads a scene or model at a frame. The default is its first frame.
     pub(crate) fn read(flags: &SourceFlags, frame: Option<u32>) -> Result<Source, Failure> {
-        Reader::open(flags, None)?.at_chosen(None, frame)
+        Reader::open(flags, None, None)?.at_chosen(None, frame)
     }
 }
 
@@ -74,10 +74,21 @@ pub(crate) const STDIN: &str = "-";
 pub(crate) const STDIN_NAME: &str = "<stdin>";
 
 impl Reader {
-    /// Opens the scene or model that the flags name. `integrator` replaces its integrator before --set acts.
-    pub(crate) fn open(flags: &SourceFlags, integrator: Option<Integrator>) -> Result<Reader, Failure> {
+    /// Opens the scene or model that the flags name. `integrator` replaces its integrator before --set acts. A setting
+    /// that needs a limit of depth, such as paths without roulette, may have it from `max_depth`.
+    pub(crate) fn open(
+        flags: &SourceFlags,
+        integrator: Option<Integrator>,
+        max_depth: Option<u32>,
+    ) -> Result<Reader, Failure> {
         let mut set = flags.set.clone();
         set.extend(integrator.map(|integrator| format!("integrator={}", integrator.name())));
+        let needs_depth = |set: &String| set.trim_start().starts_with("integrator.roulette");
+        if let Some(depth) = max_depth
+            && set.iter().any(needs_depth)
+        {
+            set.push(format!("integrator.max-depth={depth}"));
+        }
         Reader::open_file(&flags.scene, &set, flags.allow_outside, &flags.log)
     }
 

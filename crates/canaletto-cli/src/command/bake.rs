@@ -122,7 +122,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let table = CommandFiles::default().reads("--solution", &flags.solution.solution);
     let table = table.writes("--output", files.clone());
     table.check()?;
-    let mut reader = Reader::open(&flags.source, None)?;
+    let mut reader = Reader::open(&flags.source, None, None)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     if !flags.quiet {

@@ -121,7 +121,11 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
         if built.contains(&frame) {
             let (world, _) = build(&name, source.scene, &BuildOptions::default(), None).map_err(at)?;
             for (camera, job) in &jobs {
-                found.add(doubts(&name, camera, jobs.len() > 1, &world, job));
+                let refused = refusal(&name, &world, job);
+                if refused.is_empty() {
+                    found.add(doubts(&name, camera, jobs.len() > 1, &world, job));
+                }
+                found.add(refused);
                 found.add(doubt_omissions(&name, &world, job));
             }
         }
@@ -130,6 +134,14 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
         found.add(stillness.doubts(&name, frames, reader.timeline().fps, moves));
     }
     Ok(found.diagnostics)
+}
+
+/// The reason why `render` would refuse a job.
+fn refusal(name: &str, world: &World, job: &Job) -> Diagnostics {
+    match canaletto::render::check(world, job) {
+        Ok(()) => Diagnostics::new(),
+        Err(problem) => Diagnostic::error(name, problem.to_string()).into(),
+    }
 }
 
 /// The frames of the scene's animation, or else all frames from its first to its last key.

@@ -124,7 +124,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     files.check()?;
     check_files([flags.output.clone()], &flags.output, false)?;
     let points = read_points(&flags.points)?;
-    let mut reader = Reader::open(&flags.source, None)?;
+    let mut reader = Reader::open(&flags.source, None, None)?;
     reader.use_no_camera();
     let source = reader.at_chosen(None, flags.frame)?;
     if !flags.quiet {

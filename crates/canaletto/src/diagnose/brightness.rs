@@ -3,10 +3,10 @@
 use super::first_hit;
 use crate::explain::{HitNode, LightNode, Outcome, Side, explain};
 use crate::film::WeightedSum;
-use crate::integrator::{RayIntegrator, Whitted};
+use crate::integrator::{PreparedPath, PreparedRayIntegrator, RayIntegrator, Whitted};
 use crate::math::Rgb;
 use crate::render::{Job, PixelRenderer, stack_of};
-use crate::scene::{FilmSettings, Sampling, Transfer, WhittedSettings};
+use crate::scene::{FilmSettings, Integrator, PathSettings, Sampling, Transfer, WhittedSettings};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
@@ -69,6 +69,9 @@ impl fmt::Display for Reason {
 const GRIDS: [[u32; 2]; 2] = [[32, 24], [128, 96]];
 /// The most rays that are traced for one grid.
 const MAX_RAYS: u64 = 1 << 18;
+/// The paths for each pixel of a grid, and the most rays of all.
+const PATHS: [u32; 2] = [16, 4];
+const MAX_PATH_RAYS: u64 = 1 << 20;
 /// The most shadow rays for one grid.
 const MAX_SHADOW_RAYS: u64 = 1 << 22;
 /// The most hits that are explained, and the most light points of a scene with explanations.
@@ -87,14 +90,20 @@ type Seen = Vec<([u32; 2], Rgb)>;
 pub(super) fn judge(world: &World, counted: &Job, job: &Job) -> Option<Brightness> {
     let dark = dark_below(job.film.transfer);
     let is_dark = |seen: &Seen| seen.iter().all(|(_, color)| color.max_component() < dark);
-    let seen = look(world, counted, GRIDS[0])?;
+    let finds_all = matches!(job.integrator, Integrator::Path(_) | Integrator::Radiosity(_));
+    let look =
+        |grid: usize| if finds_all { look_by_paths(world, counted, grid) } else { look(world, counted, GRIDS[grid]) };
+    let seen = look(0)?;
     let least = seen.iter().map(|(_, c)| c.r.min(c.g).min(c.b)).fold(f32::INFINITY, f32::min);
     if seen.is_empty() {
         None
     } else if least > TOO_BRIGHT {
         Some(Brightness::White(least))
-    } else if is_dark(&seen) && is_dark(&look(world, counted, GRIDS[1])?) {
-        Some(Brightness::Black(reasons(world, job, &seen)))
+    } else if is_dark(&seen) && is_dark(&look(1)?) {
+        let mut reasons = reasons(world, job, &seen);
+        // Paths follow mirrors and clear bodies.
+        reasons.retain(|reason| !finds_all || *reason != Reason::NotFollowed);
+        Some(Brightness::Black(reasons))
     } else {
         None
     }
@@ -124,6 +133,51 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
         return None;
     }
     let coarse = coarse(job);
+    let hits = hits(world, job, most);
+    with_stack(stack_of(world, &coarse), || {
+        let too_many = |rays| rays > MAX_RAYS;
+        let mut whitted = Whitted::new(world, coarse.integrator.nearest_whitted()).with_cancel(&too_many);
+        let seen = colors(&mut whitted, &coarse, hits);
+        (!whitted.is_cancelled()).then_some(seen)
+    })
+    // Without threads there is no result; the render will report the error.
+    .ok()
+    .flatten()
+}
+
+/// [`look`] for integrators that find all light: by a few paths for each pixel.
+fn look_by_paths(world: &World, job: &Job, grid: usize) -> Option<Seen> {
+    let settings = match job.integrator {
+        Integrator::Path(settings) => settings,
+        _ => PathSettings::DEFAULT,
+    };
+    let film = FilmSettings { sampling: Sampling::Sampled(PATHS[grid]), ..FilmSettings::default() };
+    let coarse = Job { film, integrator: settings.into(), ..job.clone() };
+    let hits = hits(world, job, GRIDS[grid]);
+    with_stack(stack_of(world, &coarse), || {
+        let too_many = |rays| rays > MAX_PATH_RAYS;
+        let prepared = PreparedPath::new(world, settings);
+        let mut tracer = prepared.worker(world, &too_many);
+        let seen = colors(&mut tracer, &coarse, hits);
+        (!tracer.is_cancelled()).then_some(seen)
+    })
+    .ok()
+    .flatten()
+}
+
+/// The colours of pixels.
+fn colors<'w>(integrator: &mut impl RayIntegrator<'w>, job: &Job, pixels: Vec<[u32; 2]>) -> Seen {
+    let mut renderer = PixelRenderer::new(job);
+    let mut color = |pixel: &[u32; 2]| {
+        let mut sum = WeightedSum::default();
+        renderer.pixel(integrator, *pixel, &mut (), &mut sum);
+        sum.mean()
+    };
+    pixels.into_iter().map(|pixel| (pixel, color(&pixel))).collect()
+}
+
+/// The pixels of a grid that see something.
+fn hits(world: &World, job: &Job, most: [u32; 2]) -> Vec<[u32; 2]> {
     let [x, y, width, height] = job.window();
     let (columns, rows) = (width.min(most[0]), height.min(most[1]));
     let at = |index: u32, count: u32, side: u32| ((f64::from(index) + 0.5) / f64::from(count) * f64::from(side)) as u32;
@@ -131,27 +185,12 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
     let pixels = pixels.map(|[column, row]| [x + at(column, columns, width), y + at(row, rows, height)]);
     let camera = job.camera.at(0.0);
     let full_height = f64::from(camera.size()[1]);
-    let hits: Vec<[u32; 2]> = pixels
+    pixels
         .filter(|[x, y]| {
             let line = camera.line(f64::from(*x) + 0.5, full_height - f64::from(*y) - 0.5);
             first_hit(world, &line).is_some()
         })
-        .collect();
-    with_stack(stack_of(world, &coarse), || {
-        let too_many = |rays| rays > MAX_RAYS;
-        let mut whitted = Whitted::new(world, coarse.integrator.nearest_whitted()).with_cancel(&too_many);
-        let mut renderer = PixelRenderer::new(&coarse);
-        let mut color = |pixel: &[u32; 2]| {
-            let mut sum = WeightedSum::default();
-            renderer.pixel(&mut whitted, *pixel, &mut (), &mut sum);
-            sum.mean()
-        };
-        let seen = hits.into_iter().map(|pixel| (pixel, color(&pixel))).collect();
-        (!whitted.is_cancelled()).then_some(seen)
-    })
-    // Without threads there is no result; the render will report the error.
-    .ok()
-    .flatten()
+        .collect()
 }
 
 /// The reasons why the visible surfaces are black.

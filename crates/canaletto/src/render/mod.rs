@@ -159,6 +159,19 @@ fn prepare<'w>(
     })
 }
 
+/// Checks whether a job can be rendered, as far as that is known without rendering it.
+///
+/// # Errors
+/// The [`JobError`] with which [`render`] would refuse it.
+pub fn check(world: &World, job: &Job) -> Result<(), JobError> {
+    job.check()?;
+    match &job.integrator {
+        Integrator::Whitted(_) | Integrator::Path(_) => Ok(()),
+        Integrator::Radiosity(settings) => Ok(RadiositySolution::check_world(world, settings)?),
+        Integrator::Zbuffer(settings) => Zbuffer::check(world, settings),
+    }
+}
+
 impl Rendering {
     /// A render that was cancelled before its first tile.
     pub fn unfinished(world: &World, job: &Job) -> Rendering {

@@ -100,7 +100,7 @@ impl<'a> Subject<'a> {
         let files = CommandFiles::default().reads("--solution", &flags.solution.solution);
         let files = files.writes("--svg", flags.svg.clone()).writes("--html", flags.html.clone());
         files.check()?;
-        let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
+        let mut reader = Reader::open(&flags.source, flags.picture.integrator, flags.picture.max_depth)?;
         if flags.ray.is_some() {
             reader.use_no_camera();
         }

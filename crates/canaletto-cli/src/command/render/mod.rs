@@ -181,12 +181,12 @@ struct Task {
 impl Task {
     fn new(flags: RenderFlags) -> Result<Task, Failure> {
         let style = Style::new(flags.progress, flags.quiet);
-        let mut reader = Reader::open(&flags.source, flags.picture.integrator)?;
+        let mut reader = Reader::open(&flags.source, flags.picture.integrator, flags.picture.max_depth)?;
         reader.choose_camera(flags.picture.camera.as_deref());
         if let Some(fps) = flags.fps {
             reader.set_fps(fps);
         }
-        let plan = Plan::new(&flags, style, &reader)?;
+        let plan = Plan::new(&flags, style, &mut reader)?;
         plan.output.check(plan.all_files())?;
         flags.solution.check_file(flags.output.no_clobber)?;
         let task = Task { flags, plan, reader };

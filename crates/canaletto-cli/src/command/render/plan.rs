@@ -10,7 +10,6 @@ use crate::shooting_steps::StepPictures;
 use crate::source::Reader;
 use canaletto::Named;
 use canaletto::render::Aov;
-use canaletto::scene::Integrator;
 use canaletto_io::movie::Rate;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +28,7 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    pub(super) fn new(flags: &RenderFlags, style: Style, reader: &Reader) -> Result<Plan, Failure> {
+    pub(super) fn new(flags: &RenderFlags, style: Style, reader: &mut Reader) -> Result<Plan, Failure> {
         let many = match flags.frames {
             Some(FramesFlag::These(frames)) => frames.count() > 1,
             Some(FramesFlag::All) => true,
@@ -42,7 +41,11 @@ impl Plan {
             let named = match layers {
                 // Layers for denoising take passes of their own, and are asked for by name.
                 Layers::All => {
-                    let all = Aov::made_by(&Integrator::default()).into_iter();
+                    let integrator = match flags.picture.integrator {
+                        Some(integrator) => integrator,
+                        None => reader.at(frames.first)?.scene.integrator,
+                    };
+                    let all = Aov::made_by(&integrator).into_iter();
                     all.filter(|aov| !aov.is_of_denoising()).collect()
                 }
                 Layers::One(aov) => vec![*aov],

@@ -176,6 +176,27 @@ impl RadiositySolution {
         })?
     }
 
+    /// Checks a world without solving its balance. Only where a material absorbs almost nothing, a coarse balance tells
+    /// whether light has an end.
+    ///
+    /// # Errors
+    /// [`RadiosityError`] names the reason why [`RadiositySolution::solve`] would fail.
+    pub fn check_world(world: &World, settings: &RadiositySettings) -> Result<(), RadiosityError> {
+        /// Materials that reflect more may keep light for ever.
+        const ABSORBS_LITTLE: f64 = 0.999;
+        /// The largest error that a coarse balance has.
+        const COARSE: f32 = 0.5;
+        settings.check()?;
+        with_stack(stack_of(world), || {
+            let mut mesh = checked_mesh(world, settings)?;
+            if mesh.elements.iter().all(|element| element.reflectance.max_element() < ABSORBS_LITTLE) {
+                return Ok(());
+            }
+            let coarse = RadiositySettings { error: settings.error.max(COARSE), ..*settings };
+            hierarchical::hierarchical(&mut mesh, &coarse, &()).map(|_| ())
+        })?
+    }
+
     /// [`RadiositySolution::solve`] that keeps how light goes from patch to patch.
     ///
     /// # Errors
@@ -209,7 +230,18 @@ fn balance_of<'w>(
     watcher: &mut dyn ShootingWatcher,
 ) -> Result<(PatchMesh<'w>, Balanced), RadiosityError> {
     observer.solving(&SolvingProgress { phase: SolvingPhase::Patches, patches: 0, links: 0 });
-    let mut mesh = PatchMesh::new(world, settings)?;
+    let mut mesh = checked_mesh(world, settings)?;
+    let balanced = match settings.method {
+        RadiosityMethod::Hierarchical => hierarchical::hierarchical(&mut mesh, settings, observer)?,
+        RadiosityMethod::Shooting => shooting::shooting(&mut mesh, settings, observer, watcher)?,
+        RadiosityMethod::Full => full::full(&mut mesh, settings, observer)?,
+    };
+    Ok((mesh, balanced))
+}
+
+/// The patches of a world whose light can be balanced, as far as is known before.
+fn checked_mesh<'w>(world: &'w World, settings: &RadiositySettings) -> Result<PatchMesh<'w>, RadiosityError> {
+    let mesh = PatchMesh::new(world, settings)?;
     if mesh.elements.is_empty() {
         return Err(RadiosityError::NoPatches);
     }
@@ -224,10 +256,5 @@ fn balance_of<'w>(
     if !emits && world.lights.is_empty() && world.environment.is_none() {
         return Err(RadiosityError::Dark);
     }
-    let balanced = match settings.method {
-        RadiosityMethod::Hierarchical => hierarchical::hierarchical(&mut mesh, settings, observer)?,
-        RadiosityMethod::Shooting => shooting::shooting(&mut mesh, settings, observer, watcher)?,
-        RadiosityMethod::Full => full::full(&mut mesh, settings, observer)?,
-    };
-    Ok((mesh, balanced))
+    Ok(mesh)
 }
