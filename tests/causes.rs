@@ -223,7 +223,7 @@ fn causes_agree_with_layers() {
         let difference = color(&own, pixel) - color(&other, pixel);
         let ids = [&own, &other].map(|picture| picture.layer("object-id").unwrap().id(pixel));
         let z = -(layer("position", pixel) - camera.eye()).dot(camera.axes()[2]);
-        let is_drawn = z >= camera.focal_distance() && z <= camera.far();
+        let is_drawn = camera.is_between_planes(z);
         let is_in_range = color(&own, pixel).max_element() < 1.0 && color(&other, pixel).max_element() < 1.0;
         let part = match cause {
             Some(Cause::Mirror) => layer("reflection", pixel),

@@ -25,7 +25,7 @@ fn printed<T: Copy + Into<f64>, const N: usize>(value: [T; N], chapter: [f64; N]
 
 fn exercise_1_camera() -> Camera {
     let intrinsics =
-        Intrinsics { fovy: 90.0, width: 400, height: 400, near: 30.0, far: 230.0, ..Intrinsics::default() };
+        Intrinsics { fovy: 90.0, width: 400, height: 400, near: Some(30.0), far: Some(230.0), ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(100.0, 40.0, 40.0), center: DVec3::ZERO, up: DVec3::Y };
     Camera::new(&intrinsics, &extrinsics).unwrap()
 }
@@ -163,7 +163,7 @@ fn exercise_7_eye_pixel_sphere() {
 #[test]
 fn exercise_10_focal_distance() {
     // The inverse of (5.2b): a window of height 35 mm at 90° is at 17.5 mm.
-    let intrinsics = Intrinsics { fovy: 90.0, near: 17.5, ..Intrinsics::default() };
+    let intrinsics = Intrinsics { fovy: 90.0, near: Some(17.5), ..Intrinsics::default() };
     let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
     assert!((camera.window().y - 35.0).abs() < 1e-12);
     assert_eq!(camera.focal_distance(), 17.5);

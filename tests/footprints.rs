@@ -124,7 +124,8 @@ fn shapes() -> Vec<(&'static str, Node)> {
 }
 
 fn camera() -> Camera {
-    let intrinsics = Intrinsics { fovy: 35.0, width: 60, height: 45, near: 1.0, far: 100.0, ..Intrinsics::default() };
+    let intrinsics =
+        Intrinsics { fovy: 35.0, width: 60, height: 45, near: Some(1.0), far: Some(100.0), ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye: DVec3::new(0.5, 1.3, 5.0), center: DVec3::ZERO, up: DVec3::Y };
     Camera::new(&intrinsics, &extrinsics).unwrap()
 }

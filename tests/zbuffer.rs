@@ -124,8 +124,8 @@ fn random_camera(random: &mut Random, size: [u32; 2]) -> Camera {
         fovy: random.within(20.0, 110.0).into(),
         width: size[0],
         height: size[1],
-        near,
-        far: near + f64::from(random.within(4.0, 14.0)),
+        near: Some(near),
+        far: Some(near + f64::from(random.within(4.0, 14.0))),
         shift: [random.within(-0.2, 0.2).into(), 0.0],
         ..Intrinsics::default()
     };
@@ -142,7 +142,7 @@ fn random_camera(random: &mut Random, size: [u32; 2]) -> Camera {
 fn cast(world: &World, camera: &Camera, [x, y]: [f64; 2]) -> [u32; 2] {
     let (eye, d) = camera.chapter_ray(x, y);
     let ray = Ray::new((eye + d - world.origin()).as_vec3(), d.as_vec3());
-    let t_max = (camera.far() / camera.focal_distance() - 1.0) as f32;
+    let t_max = (camera.far_plane().unwrap() / camera.focal_distance() - 1.0) as f32;
     let element = |hit: &Hit| if world.object(hit).kind == "mesh" { 0 } else { hit.primitive };
     world.intersect(&ray, t_max).map_or([0; 2], |hit| [world.object_id(&hit), element(&hit)])
 }
@@ -208,7 +208,7 @@ fn meshes_have_the_colours_of_the_ray_tracer() {
     })
     .unwrap();
     let camera = Camera::new(
-        &Intrinsics { fovy: 40.0, width: 120, height: 90, near: 0.1, far: 100.0, ..Intrinsics::default() },
+        &Intrinsics { fovy: 40.0, width: 120, height: 90, near: Some(0.1), far: Some(100.0), ..Intrinsics::default() },
         &Extrinsics { eye: DVec3::new(1.0, -3.0, 4.0), center: DVec3::ZERO, up: DVec3::Z },
     )
     .unwrap();
@@ -321,7 +321,14 @@ fn shadow_maps_agree_with_shadow_rays_away_from_edges() {
             vec![Node::from(floor), Node::from(ball), Node::new(Content::Light(Light::new(lamp.clone(), Rgb::WHITE)))];
         let world = World::build(Scene { nodes, ..Scene::default() }).unwrap();
         let camera = Camera::new(
-            &Intrinsics { fovy: 50.0, width: 120, height: 90, near: 0.1, far: 100.0, ..Intrinsics::default() },
+            &Intrinsics {
+                fovy: 50.0,
+                width: 120,
+                height: 90,
+                near: Some(0.1),
+                far: Some(100.0),
+                ..Intrinsics::default()
+            },
             &Extrinsics { eye: DVec3::new(0.0, 5.0, 8.0), center: DVec3::ZERO, up: DVec3::Y },
         )
         .unwrap();
@@ -388,5 +395,161 @@ fn media_without_a_surface_are_left_out() {
     for shade in [&above as &dyn Fn(&str) -> String, &ceiling] {
         assert_eq!(picture(&shade("fog")).pixels, picture("").pixels);
         assert_ne!(picture(&shade("wall")).pixels, picture("").pixels);
+    }
+}
+
+/// The scene of a text.
+fn scene_of(text: &str) -> (World, Scene) {
+    let scene = read_scene_text(text, "scene", &MemoryAssets::new(), &[]).unwrap().0;
+    (World::build(scene.clone()).unwrap(), scene)
+}
+
+fn job_of(scene: &Scene, integrator: canaletto::scene::Integrator) -> Job {
+    let film = FilmSettings { sampling: Sampling::Center, ..scene.film };
+    Job::new(Camera::of(&scene.views[0]).unwrap(), film, integrator)
+}
+
+/// A still life of curved shapes on a plane, of a size; `more` stands in its camera.
+fn sized(s: f64, more: &str) -> String {
+    let n = |v: f64| format!("{:e}", v * s);
+    format!(
+        "camera {{ eye 0 {} {}; center 0 {} 0; size 64 48; {more} }}\nlight \"omni\" {{ position {} {} {} }}\n\
+         sphere \"ball\" {{ center 0 {} 0; radius {} }}\ntorus {{ center {} {} 0; axis 0 1 0; radius {}; tube {} }}\n\
+         plane \"floor\" {{ point 0 0 0; normal 0 1 0 }}\ncylinder {{ base {} 0 0; top {} {} 0; radius {} }}\n",
+        n(1.0),
+        n(3.0),
+        n(0.5),
+        n(3.0),
+        n(5.0),
+        n(5.0),
+        n(0.5),
+        n(0.5),
+        n(-1.0),
+        n(0.5),
+        n(0.5),
+        n(0.1),
+        n(1.0),
+        n(1.0),
+        n(1.0),
+        n(0.25)
+    )
+}
+
+/// Without planes in its camera a scene of any size is drawn whole, and its bits scale with it.
+#[test]
+fn scenes_of_any_size_are_drawn_whole() {
+    for size in [1e-6, 1e-3, 1.0, 1e3, 1e7] {
+        let (world, scene) = scene_of(&sized(size, ""));
+        let rendered = |integrator| {
+            let mut job = job_of(&scene, integrator);
+            job.aovs = vec![Aov::ObjectId];
+            assert_eq!(omissions(&world, &job), []);
+            render(&world, &job, &()).unwrap()
+        };
+        let [drawn, traced] = [ZbufferSettings::DEFAULT.into(), WhittedSettings::DEFAULT.into()].map(rendered);
+        let pairs = ids(&drawn).into_iter().zip(ids(&traced));
+        let other = pairs.filter(|(a, b)| a != b).count();
+        assert!(other <= 16, "size {size}: {other} pixels show another object");
+        assert!(ids(&drawn).iter().all(|id| *id != 0) || size != 1.0 || ids(&traced).contains(&0));
+    }
+    let picture = |size: f64| {
+        let (world, scene) = scene_of(&sized(size, ""));
+        render(&world, &job_of(&scene, ZbufferSettings::DEFAULT.into()), &()).unwrap().picture.pixels
+    };
+    assert_eq!(picture(1.0), picture(2f64.powi(-20)));
+    assert_eq!(picture(1.0), picture(2f64.powi(23)));
+}
+
+/// The eye is inside of a ball, near its wall, and far beside one point.
+#[test]
+fn eyes_inside_and_far_away_see_what_rays_see() {
+    for (eye, scene) in [
+        ("0 0 0.5", "sphere { center 0 0 0; radius 1 }\nsphere { center 0 0 -0.3; radius 0.1 }"),
+        ("0 0 0.99999", "sphere { center 0 0 0; radius 1 }\nsphere { center 0 0 -0.3; radius 0.1 }"),
+        ("0 0 100000", "sphere { center 0 0 0; radius 1e-3 }"),
+        ("0 1 5", "sphere { center 0 -100000 0; radius 100000 }\nsphere { center 0 1 0; radius 1 }"),
+        ("0 1 5", "spheres radius=1e12 { points 0 0 0  1 0 0 }"),
+        ("0 1 5", "torus { center 0 0 0; axis 0 1 0; radius 1; tube 1000000 }"),
+        ("0 1 5", "cylinder { base 0 -1e6 0; top 0 -1 0; radius 1e6 }\ncone { base 0 -1 -9; top 0 9 -9; radius 3 }"),
+        ("0 1 5", "disk { center 0 0 0; normal 0 1 0; radius 1e7 }"),
+    ] {
+        let text = format!(
+            "camera {{ eye {eye}; center 0 0 -1; size 48 36 }}\nlight \"omni\" {{ position 0 0.5 0.2 }}\n{scene}"
+        );
+        let (world, scene) = scene_of(&text);
+        let rendered = |integrator| {
+            let mut job = job_of(&scene, integrator);
+            job.aovs = vec![Aov::ObjectId];
+            render(&world, &job, &()).unwrap()
+        };
+        let traced = rendered(WhittedSettings::DEFAULT.into());
+        let drawn = rendered(ZbufferSettings::DEFAULT.into());
+        let other = ids(&drawn).into_iter().zip(ids(&traced)).filter(|(a, b)| a != b).count();
+        assert!(other <= 12, "{text}: {other} pixels show another object");
+        // Large shapes are cut finely only where they are near.
+        let triangles = drawn.counts.others.iter().find(|(name, _)| *name == "triangles on the screen").unwrap().1;
+        assert!(triangles < 20_000, "{text}: {triangles} triangles");
+        let coarse = drawn.counts.others.iter().find(|(name, _)| *name == "shapes coarser than the tolerance");
+        assert_eq!(coarse.unwrap().1, 0, "{text}");
+    }
+}
+
+/// What the planes of a camera cut is told, with the objects.
+#[test]
+fn planes_that_cut_objects_are_told_of() {
+    let told = |size: f64, camera: &str| {
+        let (world, scene) = scene_of(&sized(size, camera));
+        let all = omissions(&world, &job_of(&scene, ZbufferSettings::DEFAULT.into()));
+        all.iter().map(Omission::to_string).collect::<Vec<_>>()
+    };
+    assert!(told(1.0, "").is_empty() && told(1.0, "near 0.1; far 1e6").is_empty());
+    let all = told(0.1, "near 1");
+    assert!(all.len() == 1 && all[0].contains("near = 1") && all[0].contains("\"ball\""), "{all:?}");
+    let all = told(1.0, "far 3.1");
+    assert!(all.len() == 1 && all[0].contains("far = 3.1") && all[0].contains("\"floor\""), "{all:?}");
+    assert!(!all[0].contains("\"ball\""), "{all:?}");
+    assert_eq!(told(1.0, "near 3; far 3.1").len(), 2);
+    // Other integrators have no planes.
+    let (world, scene) = scene_of(&sized(0.1, "near 1"));
+    assert!(omissions(&world, &job_of(&scene, WhittedSettings::DEFAULT.into())).is_empty());
+}
+
+/// Normals are those of the surface itself, under any transform: stretched, sheared and mirrored.
+#[test]
+fn normals_are_those_that_rays_meet() {
+    const SHAPES: [&str; 6] = [
+        "sphere { center 0 0 0; radius 0.7;",
+        "cylinder { base 0 -0.7 0; top 0 0.6 0; radius 0.4;",
+        "cone { base 0 -0.7 0; top 0 0.6 0; radius 0.6; top-radius 0.0;",
+        "cone { base 0 -0.7 0; top 0 0.6 0; radius 0.6; top-radius 0.2;",
+        "torus { center 0 0 0; axis 0 1 0; radius 0.7; tube 0.25;",
+        "box { min -0.6 -0.4 -0.5; max 0.5 0.7 0.6;",
+    ];
+    const PLACES: [&str; 5] = [
+        "",
+        "rotate-x 25; rotate-y 63; scale 1.07 1.53 0.66;",
+        "rotate-x 25; scale 0.3 1.9 1; rotate-z 30; scale 1.5 0.6 1;",
+        "rotate-x 80; scale -0.8 0.7 0.6;",
+        "rotate-y 15; scale 1.2 -0.4 -0.9; rotate-x 40; scale 1 -1.3 0.8;",
+    ];
+    for (shape, place) in SHAPES.iter().flat_map(|shape| PLACES.map(|place| (shape, place))) {
+        let text = format!(
+            "camera {{ eye 0.4 1.1 4; center 0 0 0; fovy 40; size 60 45 }}\nlight \"omni\" {{ position 5 8 3 }}\n\
+             {shape} {place} }}"
+        );
+        let (world, scene) = scene_of(&text);
+        let layers = |integrator| {
+            let mut job = job_of(&scene, integrator);
+            job.aovs = vec![Aov::ObjectId, Aov::Normal];
+            render(&world, &job, &()).unwrap()
+        };
+        let [drawn, traced] = [ZbufferSettings::DEFAULT.into(), WhittedSettings::DEFAULT.into()].map(layers);
+        let normals = |r: &Rendering| r.picture.layers[1].data.chunks(3).map(Vec3::from_slice).collect::<Vec<_>>();
+        let both = ids(&drawn).into_iter().zip(ids(&traced)).zip(normals(&drawn).into_iter().zip(normals(&traced)));
+        let mut off: Vec<f32> = both.filter(|(ids, _)| ids.0 == ids.1).map(|(_, (a, b))| (a - b).length()).collect();
+        off.sort_by(f32::total_cmp);
+        // At its outline a triangle may lie beside the surface, or show the other side of an edge.
+        let most = off[off.len() - 1 - off.len() / 400];
+        assert!(most < 1e-5, "{text}: normals differ by {most}");
     }
 }

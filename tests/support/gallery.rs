@@ -208,7 +208,8 @@ pub fn distributed_job(scale: f32, width: u32, height: u32, samples: u32, sample
 
 fn still_life_view(scale: f32, width: u32, height: u32) -> View {
     let s = f64::from(scale);
-    let intrinsics = Intrinsics { fovy: 45.0, width, height, near: s, far: 100.0 * s, ..Intrinsics::default() };
+    let intrinsics =
+        Intrinsics { fovy: 45.0, width, height, near: Some(s), far: Some(100.0 * s), ..Intrinsics::default() };
     let extrinsics =
         Extrinsics { eye: DVec3::new(2.0, 3.0, 7.0) * s, center: DVec3::new(0.0, 0.5, 0.0) * s, up: DVec3::Y };
     View { name: "still life".into(), intrinsics, extrinsics, motion: Vec::new() }

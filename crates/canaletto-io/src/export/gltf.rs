@@ -8,7 +8,7 @@ use crate::picture::{PictureError, SOFTWARE};
 use canaletto::bake::{BakedPart, BakedVertex};
 use canaletto::material::Material;
 use canaletto::math::Rgb;
-use canaletto::scene::View;
+use canaletto::scene::{Intrinsics, View};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use serde_json::{Map, Value, json};
 
@@ -278,12 +278,15 @@ fn set_alpha(source: &Material, material: &mut Value) {
 
 fn camera(view: &View) -> Value {
     let lens = &view.intrinsics;
-    json!({ "name": view.name, "type": "perspective", "perspective": {
+    let mut perspective = json!({
         "yfov": lens.fovy.to_radians(),
         "aspectRatio": f64::from(lens.width) / f64::from(lens.height),
-        "znear": lens.near,
-        "zfar": lens.far,
-    } })
+        "znear": lens.near.unwrap_or(Intrinsics::DEFAULT_NEAR),
+    });
+    if let Some(far) = lens.far {
+        perspective["zfar"] = json!(far);
+    }
+    json!({ "name": view.name, "type": "perspective", "perspective": perspective })
 }
 
 /// A camera's node: it looks along −z with y upwards.

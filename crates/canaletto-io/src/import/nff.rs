@@ -151,7 +151,7 @@ impl<'a> Reader<'a> {
                     if near < 0.0 {
                         return Err(at.wrong(format!("hither is {near}; it must be 0 or more")));
                     }
-                    intrinsics.near = f64::from(near);
+                    intrinsics.near = (near > 0.0).then_some(f64::from(near));
                 }
                 b"resolution" => {
                     self.tokens.next();
@@ -172,11 +172,8 @@ impl<'a> Reader<'a> {
                 start.wrong("the view has no direction: `from` and `at` are the same point, or `up` points along them")
             );
         }
-        let distance = (center - eye).length();
-        if intrinsics.near == 0.0 {
-            intrinsics.near = distance * 1e-3;
-        }
-        intrinsics.far = intrinsics.near.max(distance) * 1e3;
+        // Files say 0 where they mean no plane, and a projection plane is needed all the same.
+        intrinsics.near.get_or_insert((center - eye).length() * 1e-3);
         self.view = Some(View {
             name: "main".into(),
             intrinsics,

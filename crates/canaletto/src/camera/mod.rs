@@ -25,8 +25,9 @@ pub struct Camera {
     axes: [DVec3; 3],
     /// The distance d_f of the projection plane.
     near: f64,
-    /// The distance of the far plane.
-    far: f64,
+    /// The distances of the near and far planes, as far as they are given.
+    near_plane: Option<f64>,
+    far_plane: Option<f64>,
     /// The window's width ("base") and height on the projection plane.
     window: DVec2,
     shift: DVec2,
@@ -73,8 +74,8 @@ pub enum CameraError {
     #[error("size is {0} x {1}; each side must be between 1 and {max} pixels", max = Camera::MAX_SIDE)]
     Size(u32, u32),
     /// The planes do not bound a view.
-    #[error("near is {0} and far is {1}; they must satisfy 0 < near < far")]
-    Planes(f64, f64),
+    #[error("{}; they must satisfy 0 < near < far", planes_text(*.0, *.1))]
+    Planes(Option<f64>, Option<f64>),
     /// A parameter is NaN or infinite.
     #[error("{0} holds a number that isn't finite")]
     NotFinite(&'static str),
@@ -97,6 +98,7 @@ impl CameraError {
             CameraError::NoUp => "up",
             CameraError::Fovy(_) => "fovy",
             CameraError::Size(..) => "size",
+            CameraError::Planes(None, _) => "far",
             CameraError::Planes(..) => "near",
             CameraError::NotFinite(field) => field,
             CameraError::Shutter(..) => "shutter",
@@ -104,6 +106,12 @@ impl CameraError {
             CameraError::Motion(_) => "motion",
         }
     }
+}
+
+/// The given planes in words.
+fn planes_text(near: Option<f64>, far: Option<f64>) -> String {
+    let named = [("near", near), ("far", far)].map(|(name, plane)| plane.map(|plane| format!("{name} is {plane}")));
+    named.into_iter().flatten().collect::<Vec<_>>().join(" and ")
 }
 
 impl Camera {
@@ -115,7 +123,8 @@ impl Camera {
     /// # Errors
     /// A [`CameraError`] that names the parameters that make no picture.
     pub fn new(intrinsics: &Intrinsics, extrinsics: &Extrinsics) -> Result<Camera, CameraError> {
-        let Intrinsics { fovy, width, height, near, far, shift, lens, shutter } = *intrinsics;
+        let Intrinsics { fovy, width, height, near: near_plane, far: far_plane, shift, lens, shutter } = *intrinsics;
+        let near = near_plane.unwrap_or(Intrinsics::DEFAULT_NEAR);
         let extrinsics = *extrinsics;
         let Extrinsics { eye, center, up } = extrinsics;
         for (name, finite) in [
@@ -134,8 +143,9 @@ impl Camera {
         if !(1..=Camera::MAX_SIDE).contains(&width) || !(1..=Camera::MAX_SIDE).contains(&height) {
             return Err(CameraError::Size(width, height));
         }
-        if !(near > 0.0 && near < far && far.is_finite()) {
-            return Err(CameraError::Planes(near, far));
+        let least_far = near_plane.unwrap_or(0.0);
+        if !(near > 0.0 && near.is_finite()) || far_plane.is_some_and(|far| !(far > least_far && far.is_finite())) {
+            return Err(CameraError::Planes(near_plane, far_plane));
         }
         let most = Intrinsics::MAX_SHUTTER;
         if !(shutter[0] <= shutter[1] && shutter.iter().all(|t| t.abs() <= most)) {
@@ -153,7 +163,8 @@ impl Camera {
             zero: DVec3::ZERO,
             axes,
             near,
-            far,
+            near_plane,
+            far_plane,
             window: DVec2::new(window_width, window_height),
             shift: DVec2::from(shift),
             size: [width, height],
@@ -317,9 +328,19 @@ impl Camera {
         self.near
     }
 
-    /// The distance of the far plane, beyond which a z-buffer draws nothing.
-    pub fn far(&self) -> f64 {
-        self.far
+    /// The distance of the near plane, in front of which a z-buffer draws nothing; none if it isn't given.
+    pub fn near_plane(&self) -> Option<f64> {
+        self.near_plane
+    }
+
+    /// The distance of the far plane, beyond which a z-buffer draws nothing; none if it isn't given.
+    pub fn far_plane(&self) -> Option<f64> {
+        self.far_plane
+    }
+
+    /// Whether a z-buffer's planes leave a place at this distance along the optical axis.
+    pub fn is_between_planes(&self, depth: f64) -> bool {
+        self.near_plane.is_none_or(|near| depth >= near) && self.far_plane.is_none_or(|far| depth <= far)
     }
 
     /// The offset of the window's centre in parts of its width and height.
@@ -393,7 +414,14 @@ mod tests {
 
     fn exercise_1() -> (Intrinsics, Extrinsics) {
         (
-            Intrinsics { fovy: 90.0, width: 400, height: 400, near: 30.0, far: 230.0, ..Intrinsics::default() },
+            Intrinsics {
+                fovy: 90.0,
+                width: 400,
+                height: 400,
+                near: Some(30.0),
+                far: Some(230.0),
+                ..Intrinsics::default()
+            },
             Extrinsics { eye: DVec3::new(100.0, 40.0, 40.0), center: DVec3::ZERO, up: DVec3::Y },
         )
     }
@@ -463,7 +491,10 @@ mod tests {
         assert_eq!(error(intrinsics, Extrinsics { up: DVec3::ZERO, ..extrinsics }), CameraError::NoUp);
         assert_eq!(error(Intrinsics { fovy: 180.0, ..intrinsics }, extrinsics), CameraError::Fovy(180.0));
         assert_eq!(error(Intrinsics { width: 0, ..intrinsics }, extrinsics), CameraError::Size(0, 400));
-        assert_eq!(error(Intrinsics { near: 230.0, ..intrinsics }, extrinsics), CameraError::Planes(230.0, 230.0));
+        assert_eq!(
+            error(Intrinsics { near: Some(230.0), ..intrinsics }, extrinsics),
+            CameraError::Planes(Some(230.0), Some(230.0))
+        );
         let nan = Extrinsics { eye: DVec3::NAN, ..extrinsics };
         assert_eq!(error(intrinsics, nan), CameraError::NotFinite("eye"));
     }

@@ -156,7 +156,7 @@ impl Comparison<'_> {
     fn is_outside_planes(&self, hit: &HitNode) -> bool {
         let camera = self.camera.at(0.0);
         let z = -(DVec3::from_array(hit.point) - camera.eye()).dot(camera.axes()[2]);
-        z < camera.focal_distance() || z > camera.far()
+        !camera.is_between_planes(z)
     }
 
     fn ray<'t>(&self, [own, other]: [&'t RayNode; 2], weight: DVec3, terms: &mut TermDifferences<'t>) {

@@ -117,7 +117,7 @@ fn write_list(f: &mut fmt::Formatter<'_>, names: &[String]) -> fmt::Result {
     }
 }
 
-/// The parts of a world that the job's integrator leaves out. Traces no ray.
+/// The parts of a world that the job's integrator leaves out. Only the planes of a z-buffer need rays, a few thousand.
 pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
     let integrator = &job.integrator;
     let mut all = match integrator {

@@ -28,10 +28,14 @@ pub struct Intrinsics {
     pub width: u32,
     /// The picture's height in pixels, at least 1.
     pub height: u32,
-    /// d_f > 0, the distance of the projection plane (5.2a). Rays start at the eye, not at this plane.
-    pub near: f64,
-    /// The distance of the far plane. Only a z-buffer needs it.
-    pub far: f64,
+    /// d_f > 0, the distance of the projection plane (5.2a); none for [`Intrinsics::DEFAULT_NEAR`]. Rays start at the
+    /// eye, not at this plane. A z-buffer draws nothing in front of a given one. Without it, it draws all that is in
+    /// front of the eye.
+    #[serde(default)]
+    pub near: Option<f64>,
+    /// The distance of the far plane, beyond which a z-buffer draws nothing; none for no such plane.
+    #[serde(default)]
+    pub far: Option<f64>,
     /// The shift of the window off the optical axis, as fractions of its width and height. (0.5, 0) puts the optical
     /// axis on the window's left edge (exercise 3).
     pub shift: [f64; 2],
@@ -48,6 +52,9 @@ pub struct Intrinsics {
 impl Intrinsics {
     /// The largest number of frames between a frame's time and the opening or closing of its shutter.
     pub const MAX_SHUTTER: f64 = 1000.0;
+
+    /// The distance of the projection plane if none is given.
+    pub const DEFAULT_NEAR: f64 = 1.0;
 }
 
 /// A thin lens.
@@ -99,8 +106,8 @@ impl Default for Intrinsics {
             fovy: 60.0,
             width: 640,
             height: 480,
-            near: 1.0,
-            far: 1000.0,
+            near: None,
+            far: None,
             shift: [0.0, 0.0],
             lens: None,
             shutter: [0.0, 0.0],

@@ -6,6 +6,7 @@
 
 mod estimate;
 
+use super::cuts::Cuts;
 use super::tessellate::{FrustumFrame, Place, Places, Tessellation, TessellationVertex};
 use super::{Cone, Cylinder, Mesh, Shape, Triangle, solve};
 use crate::math::Rgb;
@@ -66,9 +67,10 @@ impl BaseMesh {
     /// The base mesh of a shape, if it can be displaced.
     pub(crate) fn of_shape(shape: &Shape) -> Option<BaseMesh> {
         let (tessellation, under) = match shape {
-            Shape::Sphere(s) => {
-                (Tessellation::sphere(s, COLUMNS, ROWS), BaseSurface::Sphere(s.center.as_dvec3(), f64::from(s.radius)))
-            }
+            Shape::Sphere(s) => (
+                Tessellation::sphere(s, &Cuts::even(COLUMNS), &Cuts::even(ROWS)),
+                BaseSurface::Sphere(s.center.as_dvec3(), f64::from(s.radius)),
+            ),
             Shape::Box(s) => (Tessellation::cuboid(s), BaseSurface::Flat),
             Shape::Triangle(s) => (Tessellation::triangle(s), BaseSurface::Flat),
             Shape::Cylinder(Cylinder { base, top, radius, caps }) => frustum([*base, *top], [*radius; 2], *caps),
@@ -389,7 +391,7 @@ impl BaseMesh {
 /// The tessellation of a cylinder or cone, and its surface.
 fn frustum(ends: [Vec3; 2], radii: [f32; 2], caps: bool) -> (Tessellation, BaseSurface) {
     let frame = FrustumFrame::new(ends, radii);
-    (Tessellation::frustum(&frame, caps, COLUMNS), BaseSurface::Frustum(frame))
+    (Tessellation::frustum(&frame, caps, &Cuts::even(COLUMNS)), BaseSurface::Frustum(frame))
 }
 
 /// Normals of a mesh without normals, equal for all vertices at one place.

@@ -7,6 +7,7 @@ mod cloud;
 mod cone;
 mod cuboid;
 mod cuboid16;
+mod cuts;
 mod cylinder;
 mod disk;
 pub(crate) mod displace;

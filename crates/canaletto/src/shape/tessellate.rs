@@ -3,6 +3,7 @@
 //! All vertices lie on the surface. Vertices at one place have equal bits, also where texture coordinates or normals
 //! differ (uv seams, edges of boxes, rims of caps). The triangles of a closed shape are therefore closed, too.
 
+use super::cuts::{Allowed, Cuts, ViewCuts};
 use super::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle, solve};
 use crate::math::Transform;
 use canaletto_bvh::Aabb;
@@ -203,6 +204,15 @@ impl Shape {
     }
 
     fn on_grid(&self, Grid { columns, rows, .. }: Grid, clip: &Aabb) -> Tessellation {
+        let rows = if let Shape::Torus(torus) = self {
+            ((rows as f64 * (torus_end(torus) / PI)).ceil() as usize).max(3)
+        } else {
+            rows
+        };
+        self.on_cuts(&Cuts::even(columns), &Cuts::even(rows), clip)
+    }
+
+    fn on_cuts(&self, columns: &Cuts, rows: &Cuts, clip: &Aabb) -> Tessellation {
         match self {
             Shape::Sphere(s) => Tessellation::sphere(s, columns, rows),
             Shape::Box(s) => Tessellation::cuboid(s),
@@ -218,6 +228,29 @@ impl Shape {
             Shape::Torus(s) => Tessellation::torus(s, columns, rows),
         }
     }
+
+    /// Triangles for a curved shape that are finer where the view allows a smaller deviation: none for other shapes.
+    ///
+    /// # Errors
+    /// [`TooManyTriangles`] if the number of triangles would exceed `limit`.
+    pub(crate) fn tessellate_for_view(
+        &self,
+        allowed: Allowed,
+        limit: usize,
+    ) -> Result<Option<Tessellation>, TooManyTriangles> {
+        let Some(ViewCuts { columns, rows }) = ViewCuts::new(self, allowed) else { return Ok(None) };
+        if columns.len().saturating_mul(rows.len()) > limit / 2 {
+            return Err(TooManyTriangles { limit });
+        }
+        Ok(Some(self.on_cuts(&columns, &rows, &Aabb::EMPTY)))
+    }
+}
+
+/// The angle around a torus's tube from the outer equator at which the tube ends. A spindle torus has poles instead of
+/// the part of the tube inside it.
+pub(super) fn torus_end(torus: &Torus) -> f64 {
+    let [ring, tube] = [torus.radius, torus.tube].map(f64::from);
+    if ring <= tube { libm::acos(-ring / tube) } else { PI }
 }
 
 /// The columns and rows of the triangles of a round shape, and about the number of triangles.
@@ -252,6 +285,11 @@ impl FrustumFrame {
         FrustumFrame { base, axis, x, z, height: (top - base).length(), radii: radii.map(f64::from) }
     }
 
+    /// The distances from the axis and the heights of the base and the top.
+    pub(super) fn ends(&self) -> [[f64; 2]; 2] {
+        [[self.radii[0], 0.0], [self.radii[1], self.height]]
+    }
+
     fn radius(&self, h: f64) -> f64 {
         self.radii[0] + (self.radii[1] - self.radii[0]) * (h / self.height)
     }
@@ -274,9 +312,10 @@ impl FrustumFrame {
     }
 }
 
-/// The direction of column `i` of `columns` around +y, the inverse of (5.45a). The first column, at u = 0, is at −z.
-fn around(i: usize, columns: usize) -> DVec3 {
-    let (sin, cos) = libm::sincos(TAU * ((i % columns) as f64 / columns as f64 - 0.5));
+/// The direction of cut `i` of the columns around +y, the inverse of (5.45a). The first one, at u = 0, is at −z, and so
+/// is the last.
+fn around(i: usize, columns: &Cuts) -> DVec3 {
+    let (sin, cos) = libm::sincos(TAU * (columns.at(i % columns.len()) - 0.5));
     DVec3::new(sin, 0.0, cos)
 }
 
@@ -325,23 +364,23 @@ impl Tessellation {
     }
 
     /// A sphere as columns around +y and rows from pole to pole.
-    pub(super) fn sphere(sphere: &Sphere, columns: usize, rows: usize) -> Tessellation {
+    pub(super) fn sphere(sphere: &Sphere, columns: &Cuts, rows: &Cuts) -> Tessellation {
         let (c, r) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
         let mut tessellation = Tessellation::default();
-        for j in 0..=rows {
-            let (sin, cos) = libm::sincos(PI * j as f64 / rows as f64);
-            for i in 0..=columns {
-                let pole = j == 0 || j == rows;
+        for j in 0..=rows.len() {
+            let (sin, cos) = libm::sincos(rows.times(PI, j));
+            for i in 0..=columns.len() {
+                let pole = j == 0 || j == rows.len();
                 let direction = match j {
                     0 => DVec3::Y,
-                    _ if j == rows => DVec3::NEG_Y,
+                    _ if j == rows.len() => DVec3::NEG_Y,
                     _ => around(i, columns) * sin + DVec3::Y * cos,
                 };
-                let u = (i as f64 + if pole { 0.5 } else { 0.0 }) / columns as f64;
-                tessellation.add(c + direction * r, direction, DVec2::new(u, j as f64 / rows as f64), Place::Round);
+                let u = if pole { columns.middle(i) } else { columns.at(i) };
+                tessellation.add(c + direction * r, direction, DVec2::new(u, rows.at(j)), Place::Round);
             }
         }
-        tessellation.push_grid(columns, rows, true);
+        tessellation.push_grid(columns.len(), rows.len(), true);
         tessellation
     }
 
@@ -422,36 +461,36 @@ impl Tessellation {
     }
 
     /// A disk as triangles around its centre.
-    fn disk(disk: &Disk, columns: usize) -> Tessellation {
+    fn disk(disk: &Disk, columns: &Cuts) -> Tessellation {
         let (center, r) = (disk.center.as_dvec3(), f64::from(disk.radius));
         let frame = solve::Frame::around(disk.normal.as_dvec3());
         let mut tessellation = Tessellation::default();
         tessellation.add(center, frame.y, DVec2::splat(0.5), Place::Between);
-        for i in 0..columns {
+        for i in 0..columns.len() {
             let d = around(i, columns);
             let point = center + (frame.x * d.x + frame.z * d.z) * r;
             tessellation.add(point, frame.y, DVec2::new(d.x, d.z) * 0.5 + 0.5, Place::Between);
         }
-        let rim = |i: usize| (1 + i % columns) as u32;
-        tessellation.push(0, (0..columns).map(|i| [0, rim(i), rim(i + 1)]));
+        let rim = |i: usize| (1 + i % columns.len()) as u32;
+        tessellation.push(0, (0..columns.len()).map(|i| [0, rim(i), rim(i + 1)]));
         tessellation
     }
 
     /// The side of a cylinder or cone as columns, and its caps as triangles around their centres.
-    pub(super) fn frustum(frame: &FrustumFrame, caps: bool, columns: usize) -> Tessellation {
+    pub(super) fn frustum(frame: &FrustumFrame, caps: bool, columns: &Cuts) -> Tessellation {
         let out = |i: usize| {
             let d = around(i, columns);
             frame.x * d.x + frame.z * d.z
         };
         let mut tessellation = Tessellation::default();
         for (j, h) in [(0, frame.height), (1, 0.0)] {
-            for i in 0..=columns {
-                let uv = DVec2::new(i as f64 / columns as f64, f64::from(j));
+            for i in 0..=columns.len() {
+                let uv = DVec2::new(columns.at(i), f64::from(j));
                 tessellation.add(frame.point(h, out(i)), frame.normal(out(i)), uv, Place::Round);
             }
         }
-        let row = columns as u32 + 1;
-        for i in 0..columns as u32 {
+        let row = columns.len() as u32 + 1;
+        for i in 0..columns.len() as u32 {
             let [a, b, c, d] = [i, i + 1, row + i, row + i + 1];
             tessellation.push(0, (frame.radii[1] > 0.0).then_some([a, d, b]));
             tessellation.push(0, (frame.radii[0] > 0.0).then_some([a, c, d]));
@@ -463,7 +502,7 @@ impl Tessellation {
             }
             let normal = if top { frame.axis } else { -frame.axis };
             let center = tessellation.add(frame.base + frame.axis * h, normal, DVec2::splat(0.5), Place::Between);
-            let rim: Vec<u32> = (0..=columns)
+            let rim: Vec<u32> = (0..=columns.len())
                 .map(|i| {
                     let point = frame.point(h, out(i));
                     tessellation.add(point, normal, frame.cap_uv(point, top), Place::Rim { top })
@@ -471,41 +510,40 @@ impl Tessellation {
                 .collect();
             tessellation.push(
                 part,
-                (0..columns).map(|i| if top { [center, rim[i], rim[i + 1]] } else { [center, rim[i + 1], rim[i]] }),
+                (0..columns.len())
+                    .map(|i| if top { [center, rim[i], rim[i + 1]] } else { [center, rim[i + 1], rim[i]] }),
             );
         }
         tessellation
     }
 
-    /// A torus as columns around its axis and rows around its tube. A spindle torus has poles instead of the part of
-    /// the tube inside it.
-    fn torus(torus: &Torus, columns: usize, rows: usize) -> Tessellation {
+    /// A torus as columns around its axis and rows around its tube.
+    fn torus(torus: &Torus, columns: &Cuts, rows: &Cuts) -> Tessellation {
         let center = torus.center.as_dvec3();
         let frame = solve::Frame::around(torus.axis.as_dvec3());
         let [ring, tube] = [torus.radius, torus.tube].map(f64::from);
         let poles = ring <= tube;
         // The angle around the tube from the outer equator, towards −axis.
-        let end = if poles { libm::acos(-ring / tube) } else { PI };
-        let rows = ((rows as f64 * (end / PI)).ceil() as usize).max(3);
+        let end = torus_end(torus);
         let mut tessellation = Tessellation::default();
-        for j in 0..=rows {
-            let pole = poles && (j == 0 || j == rows);
+        for j in 0..=rows.len() {
+            let pole = poles && (j == 0 || j == rows.len());
             // The last row of a closed tube is the first.
-            let row = if poles { j } else { j % rows };
-            let angle = end * (2.0 * row as f64 / rows as f64 - 1.0);
+            let row = if poles { j } else { j % rows.len() };
+            let angle = end * (rows.times(2.0, row) - 1.0);
             let (sin, cos) = libm::sincos(angle);
-            let v = 0.5 + 0.5 * (end / PI) * (2.0 * j as f64 / rows as f64 - 1.0);
-            for i in 0..=columns {
+            let v = 0.5 + 0.5 * (end / PI) * (rows.times(2.0, j) - 1.0);
+            for i in 0..=columns.len() {
                 let d = around(i, columns);
                 let out = frame.x * d.x + frame.z * d.z;
                 let normal = out * cos - frame.y * sin;
                 let across = if pole { DVec3::ZERO } else { out * (ring + tube * cos) };
-                let u = (i as f64 + if pole { 0.5 } else { 0.0 }) / columns as f64;
+                let u = if pole { columns.middle(i) } else { columns.at(i) };
                 let point = center + across - frame.y * (tube * sin);
                 tessellation.add(point, normal, DVec2::new(u, v), Place::Round);
             }
         }
-        tessellation.push_grid(columns, rows, poles);
+        tessellation.push_grid(columns.len(), rows.len(), poles);
         tessellation
     }
 }

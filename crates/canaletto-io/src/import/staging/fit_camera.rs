@@ -50,7 +50,7 @@ pub(in crate::import) fn fit_camera(
     if !eye.is_finite() || !center.is_finite() {
         return None;
     }
-    let intrinsics = Intrinsics { near: (near - depth) / 2.0, far: (far - depth) * 100.0, ..intrinsics };
+    let intrinsics = Intrinsics { near: Some((near - depth) / 2.0), ..intrinsics };
     Some(View { name: "main".into(), intrinsics, extrinsics: Extrinsics { eye, center, up }, motion: Vec::new() })
 }
 
@@ -93,7 +93,7 @@ mod tests {
         let (v, tan) = (p - eye, (view.intrinsics.fovy.to_radians() / 2.0).tan());
         let aspect = f64::from(view.intrinsics.width) / f64::from(view.intrinsics.height);
         let z = v.dot(ahead);
-        assert!(z > view.intrinsics.near && z < view.intrinsics.far);
+        assert!(z > view.intrinsics.near.unwrap());
         (v.dot(right) / z / tan / aspect, v.dot(right.cross(ahead)) / z / tan)
     }
 
@@ -124,7 +124,7 @@ mod tests {
         let with = |balls: &[Ball]| fit_camera(balls.iter().copied(), DVec3::Z, DVec3::Y, Intrinsics::default());
         assert!(with(&[]).is_none());
         let view = with(&[(DVec3::new(1.0, 2.0, 3.0), 0.0)]).unwrap();
-        assert!(view.extrinsics.eye.z > 3.0 && view.intrinsics.near > 0.0);
+        assert!(view.extrinsics.eye.z > 3.0 && view.intrinsics.near.unwrap() > 0.0);
         let view = with(&[(DVec3::ZERO, 1.0)]).unwrap();
         // The cone that touches the sphere: sin = r / distance.
         let tan = 0.84 * 30f64.to_radians().tan();

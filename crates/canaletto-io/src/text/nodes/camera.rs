@@ -27,10 +27,10 @@ const UP: Field<DVec3> =
     Field::new("up", "a direction that is upwards in the picture").or(|| numbers(Extrinsics::default().up.to_array()));
 const FOVY: Field<f64> = Field::new("fovy", "the whole vertical angle of view in degrees, between 0 and 180")
     .or(|| Intrinsics::default().fovy.to_string());
-const NEAR: Field<f64> = Field::new("near", "the distance of the projection plane; rays start at the eye all the same")
-    .or(|| Intrinsics::default().near.to_string());
+const NEAR: Field<f64> = Field::new("near", "the distance of the projection plane; rays start at the eye all the same, but a z-buffer draws nothing in front of a given one")
+    .or(|| Intrinsics::DEFAULT_NEAR.to_string());
 const FAR: Field<f64> =
-    Field::new("far", "the far plane, which only a z-buffer needs").or(|| Intrinsics::default().far.to_string());
+    Field::new("far", "the distance beyond which a z-buffer draws nothing").or(|| "none".to_owned());
 /// Width and height of the picture.
 pub(crate) const SIZE: Field<[u32; 2]> = Field::new("size", "width and height of the picture in pixels").or(|| {
     let Intrinsics { width, height, .. } = Intrinsics::default();
@@ -242,8 +242,8 @@ fn change_view(view: &mut View, fields: &Fields) {
     change(&mut e.center, fields.get(&CENTER));
     change(&mut e.up, fields.get(&UP));
     change(&mut i.fovy, fields.get(&FOVY));
-    change(&mut i.near, fields.get(&NEAR));
-    change(&mut i.far, fields.get(&FAR));
+    i.near = fields.get(&NEAR).or(i.near);
+    i.far = fields.get(&FAR).or(i.far);
     change(&mut i.shift, fields.get(&SHIFT));
     change(&mut i.shutter, fields.get(&SHUTTER));
     if let Some([width, height]) = fields.get(&SIZE) {

@@ -5,16 +5,18 @@ use super::geometry::BinnedTriangles;
 use super::raster::{ScreenTriangle, Source};
 use super::triangle_hits::{TriangleHits, triangle_hit};
 use crate::math::{DRay, Transform};
-use crate::shape::Shape;
+use crate::shape::{Shape, ShapeHit};
 use crate::world::{Hit, MeshFacet, PlacedGeometry, Primitives, World};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// A triangle of the world at hand: its corners and what is needed for hits on it.
 pub(super) struct VisibleTriangle<'a> {
     pub(super) source: Source,
     /// The corners in the primitive's space.
     pub(super) corners: [Vec3; 3],
+    exact_corners: [DVec3; 3],
     pub(super) to_world: Option<&'a Transform>,
     /// The part of the shape.
     part: u32,
@@ -40,7 +42,12 @@ pub(super) struct FacetCache<'w> {
     /// The instance that was prepared last, and its place.
     last: Option<(u32, usize)>,
     facets: HashMap<[u32; 2], Facets>,
+    /// The memory of `facets`.
+    bytes: usize,
 }
+
+/// About the most memory of tessellations that a thread has at hand.
+const MOST_BYTES: usize = 8 << 20;
 
 impl<'w> FacetCache<'w> {
     /// Forgets everything.
@@ -48,7 +55,22 @@ impl<'w> FacetCache<'w> {
         self.placed.clear();
         self.instances.clear();
         self.facets.clear();
+        self.bytes = 0;
         self.last = None;
+    }
+
+    /// Forgets tessellations that take too much memory.
+    pub(super) fn trim(&mut self) {
+        if self.bytes > MOST_BYTES {
+            self.facets.clear();
+            self.bytes = 0;
+        }
+    }
+
+    fn keep(&mut self, key: [u32; 2], facets: impl FnOnce() -> Facets) {
+        if let Entry::Vacant(vacant) = self.facets.entry(key) {
+            self.bytes += vacant.insert(facets()).bytes();
+        }
     }
 
     /// The geometry of an instance that was prepared.
@@ -71,10 +93,8 @@ impl<'w> FacetCache<'w> {
         tolerance: &Tolerance,
     ) {
         if source.instance == Hit::UNBOUNDED {
-            self.facets.entry([source.instance, source.primitive]).or_insert_with(|| {
-                let shape = world.unbounded_shape(source.primitive);
-                Facets::new(shape, None, None, tolerance)
-            });
+            let shape = world.unbounded_shape(source.primitive);
+            self.keep([source.instance, source.primitive], || Facets::new(shape, None, None, tolerance));
             return;
         }
         if self.last.is_none_or(|(last, _)| last != source.instance) {
@@ -89,9 +109,9 @@ impl<'w> FacetCache<'w> {
         }
         let Some(placed) = self.last.map(|(_, place)| &self.placed[place]) else { return };
         if let Some((shape, color)) = placed.primitives.shape(source.primitive) {
-            self.facets
-                .entry([source.instance, source.primitive])
-                .or_insert_with(|| Facets::new(&shape, color, placed.to_world.as_ref(), tolerance));
+            let to_world = placed.to_world;
+            let key = [source.instance, source.primitive];
+            self.keep(key, || Facets::new(&shape, color, to_world.as_ref(), tolerance));
         }
     }
 
@@ -107,6 +127,7 @@ impl<'w> FacetCache<'w> {
         if !triangle.needs_refinement() {
             return None;
         }
+        self.trim();
         self.prepare(triangle.source, world, binned, tolerance);
         self.triangle(triangle.source, world, binned)
     }
@@ -125,7 +146,9 @@ impl<'w> FacetCache<'w> {
             let placed = self.placed(source.instance)?;
             if let Primitives::Mesh(mesh) = placed.primitives {
                 let (corners, to_world) = (mesh.corners(source.primitive as usize), placed.to_world.as_ref());
-                return Some(VisibleTriangle { source, corners, to_world, part: 0, facets: None, shapes: None });
+                let exact_corners = corners.map(Vec3::as_dvec3);
+                let (part, facets, shapes) = (0, None, None);
+                return Some(VisibleTriangle { source, corners, exact_corners, to_world, part, facets, shapes });
             }
             (placed.to_world.as_ref(), Shapes::Placed(placed.primitives))
         };
@@ -133,7 +156,8 @@ impl<'w> FacetCache<'w> {
         let facets = kept.or_else(|| self.facets.get(&[source.instance, source.primitive]))?;
         Some(VisibleTriangle {
             source,
-            corners: facets.corners(source.triangle),
+            corners: facets.mesh.corners(source.triangle as usize),
+            exact_corners: facets.corners(source.triangle),
             to_world,
             part: facets.parts[source.triangle as usize],
             facets: (!facets.is_exact).then_some(facets),
@@ -172,9 +196,15 @@ impl VisibleTriangle<'_> {
     /// The parameter t where a line from the viewer meets the curved surface that the triangle stands for. `t` is where
     /// it meets the triangle; it is returned if the surface isn't met near it on the same side.
     pub(super) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
-        let (Some(facets), Some(shape)) = (self.facets, self.shape()) else { return t };
+        self.crossing_near(line, t).map_or(t, |(t, _)| t)
+    }
+
+    /// The parameter t and the hit where a line from the viewer meets the curved surface that the triangle stands for,
+    /// near the parameter where it meets the triangle.
+    fn crossing_near(&self, line: &DRay, t: f64) -> Option<(f64, ShapeHit)> {
+        let (facets, shape) = (self.facets?, self.shape()?);
         let local = self.to_local(line);
-        let [a, b, c] = self.corners.map(Vec3::as_dvec3);
+        let [a, b, c] = self.exact_corners;
         let slope = (b - a).cross(c - a).normalize_or_zero().dot(local.direction);
         let is_front = slope < 0.0;
         let place = DRay { origin: local.origin + local.direction * t, direction: local.direction };
@@ -185,14 +215,46 @@ impl VisibleTriangle<'_> {
             let normal = shape.surface(line, &hit).normal;
             let step = f64::from(hit.t);
             // What lies farther from the triangle's plane than the tolerance is another part of the surface.
-            let is_near = step * slope.abs() <= 2.0 * facets.tolerance;
-            (is_near && (normal.dot(place.direction) < 0.0) == is_front).then_some(step * sign)
+            let is_near = step * slope.abs() <= 2.0 * facets.tolerance_at(t);
+            (is_near && (normal.dot(place.direction) < 0.0) == is_front).then_some((step * sign, hit))
         };
-        match (met(-1.0), met(1.0)) {
-            (Some(before), Some(after)) => t + if -before <= after { before } else { after },
-            (Some(step), None) | (None, Some(step)) => t + step,
-            (None, None) => t,
+        let (step, hit) = match (met(-1.0), met(1.0)) {
+            (Some(before), Some(after)) => {
+                if -before.0 <= after.0 {
+                    before
+                } else {
+                    after
+                }
+            }
+            (Some(met), None) | (None, Some(met)) => met,
+            (None, None) => return None,
+        };
+        Some((t + step, hit))
+    }
+
+    /// The hit of a line on the surface that the triangle stands for, where `hit` is that on the triangle. None where
+    /// the line misses the surface, and where the triangle is the surface.
+    pub(super) fn surface_hit(&self, line: &DRay, hit: &Hit) -> Option<Hit> {
+        let of = |met: ShapeHit| Hit { t: met.t, part: met.part, uv: met.uv, ..*hit };
+        // The ray from the viewer finds the hit that a ray tracer has. It may be one on another part of the surface.
+        let own = |shape: Shape| shape.intersect(&self.to_local(line).rounded(), f32::INFINITY);
+        if self.facets.is_none() {
+            return self.shape().filter(|shape| matches!(shape, Shape::Plane(_))).and_then(own).map(of);
         }
+        let (t, near) = self.crossing_near(line, self.plane_distance(line)?)?;
+        /// The relative distance of two roundings of one hit.
+        const ROUNDINGS: f64 = 1.0 / (1u32 << 16) as f64;
+        let first = self.shape().and_then(own).filter(|first| (f64::from(first.t) - t).abs() <= t * ROUNDINGS);
+        Some(of(first.unwrap_or(ShapeHit { t: t as f32, ..near })))
+    }
+
+    /// The parameter where a line meets the triangle's plane.
+    fn plane_distance(&self, line: &DRay) -> Option<f64> {
+        let local = self.to_local(line);
+        let [a, b, c] = self.exact_corners;
+        let normal = (b - a).cross(c - a);
+        let t = normal.dot(a - local.origin) / normal.dot(local.direction);
+        (t.is_finite() && t > 0.0).then_some(t)
     }
 
     /// The distance along a line that the roundings of `f32` in a hit on the surface are certain to be less than.

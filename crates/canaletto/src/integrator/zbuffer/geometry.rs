@@ -13,12 +13,16 @@ use glam::DVec4;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::{ControlFlow, Range};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The most primitives that are worked on together.
 const BATCH: usize = 8192;
 
 /// Tessellations with fewer triangles are made again where they are needed.
 const MIN_KEPT: usize = 256;
+
+/// About the most memory of tessellations that are kept.
+const MOST_KEPT_BYTES: usize = 8 << 20;
 
 /// A screen of tiles.
 #[derive(Clone, Copy, Debug)]
@@ -87,8 +91,10 @@ pub(super) struct BinnedTriangles {
     starts: Vec<usize>,
     /// Batch and number of each triangle of a tile, in the order of the world.
     entries: Vec<[u32; 2]>,
-    /// Large tessellations, by instance and primitive.
+    /// Large tessellations, by instance and primitive. Which ones are kept changes no picture.
     kept: HashMap<[u32; 2], Facets>,
+    /// The number of shapes whose tolerance would have needed too many triangles.
+    coarse: u64,
 }
 
 /// The results of one batch.
@@ -98,6 +104,8 @@ struct Batch {
     /// The tile and the number of each triangle that touches it.
     touches: Vec<[u32; 2]>,
     kept: Vec<([u32; 2], Facets)>,
+    /// The number of shapes whose tolerance would have needed too many triangles.
+    coarse: u64,
 }
 
 /// A triangle of a geometry.
@@ -171,6 +179,8 @@ pub(super) struct GeometryStage<'a> {
     pub(super) with_unbounded: bool,
     /// For each material, whether it is drawn and whether it [has holes](has_holes).
     pub(super) traits: Vec<[bool; 2]>,
+    /// The memory of the tessellations that are kept: 0 at first.
+    pub(super) kept_bytes: AtomicUsize,
 }
 
 impl GeometryStage<'_> {
@@ -299,11 +309,12 @@ impl GeometryStage<'_> {
         for triangle in 0..facets.mesh.len() as u32 {
             let source = Source { instance, primitive, triangle, is_of_mesh: false };
             let is_curved = !facets.is_exact && self.compares_curves;
-            let [a, b, c] = facets.corners(triangle);
-            let corners = [a, b, c].map(|p| projection.point(p.as_dvec3()));
+            let corners = facets.corners(triangle).map(|p| projection.point(p));
             self.triangle(&ProjectedTriangle { corners, source, sided, is_curved }, projection, batch);
         }
-        if facets.mesh.len() >= MIN_KEPT {
+        batch.coarse += u64::from(facets.is_coarse);
+        if facets.mesh.len() >= MIN_KEPT && self.kept_bytes.load(Ordering::Relaxed) < MOST_KEPT_BYTES {
+            self.kept_bytes.fetch_add(facets.bytes(), Ordering::Relaxed);
             batch.kept.push(([instance, primitive], facets));
         }
     }
@@ -384,6 +395,7 @@ impl GeometryStage<'_> {
             }
             binned.batches.push(batch.triangles);
             binned.kept.extend(batch.kept);
+            binned.coarse += batch.coarse;
         }
         (binned.starts, binned.entries) = (starts, entries);
         binned
@@ -418,7 +430,7 @@ impl BinnedTriangles {
 
     /// The number of shapes whose tolerance would have needed too many triangles.
     pub(super) fn coarse(&self) -> u64 {
-        self.kept.values().filter(|facets| facets.is_coarse).count() as u64
+        self.coarse
     }
 
     /// The number of triangles on the screen.

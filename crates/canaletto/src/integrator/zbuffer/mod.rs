@@ -9,6 +9,8 @@
 //! lens and no motion: everything is drawn at the opening of the shutter.
 
 mod clip;
+mod cut_away;
+mod depth_range;
 mod explain;
 mod facets;
 mod fragment;
@@ -29,10 +31,10 @@ use crate::camera::Camera;
 use crate::film::TileBuffer;
 use crate::job::{Aov, Job, JobError, Observer};
 use crate::math::{DRay, RayDifferential, Rgb};
-use crate::sampler::FrameSampler;
+use crate::sampler::{FrameSampler, Sample};
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, World};
-use canaletto_bvh::Aabb;
+use depth_range::{DepthRange, view_bounds};
 pub(crate) use explain::ZbufferExplainer;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
@@ -45,6 +47,7 @@ use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
+use std::sync::atomic::AtomicUsize;
 use triangle_hits::TriangleHits;
 use unshaded_view::refined_depth;
 
@@ -88,14 +91,22 @@ impl<'w> Zbuffer<'w> {
         settings: ZbufferSettings,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), Zbuffer<'w>>, JobError> {
-        let has_maps = settings.shadows == ShadowMethod::Map;
-        if has_maps {
+        Self::check(world, &settings)?;
+        Ok(Self::project(world, job, settings, observer))
+    }
+
+    /// Checks the memory of the shadow maps.
+    ///
+    /// # Errors
+    /// [`JobError::ShadowMaps`] if they would take too much.
+    pub(crate) fn check(world: &World, settings: &ZbufferSettings) -> Result<(), JobError> {
+        if settings.shadows == ShadowMethod::Map {
             let bytes = ShadowMaps::bytes(world, settings.shadow_map_size);
             if bytes > MOST_MAP_BYTES {
                 return Err(JobError::ShadowMaps { mebibytes: bytes >> 20, most: MOST_MAP_BYTES >> 20 });
             }
         }
-        Ok(Self::project(world, job, settings, observer))
+        Ok(())
     }
 
     fn project(
@@ -106,9 +117,10 @@ impl<'w> Zbuffer<'w> {
     ) -> ControlFlow<(), Zbuffer<'w>> {
         let camera = job.camera.at(0.0);
         let size = camera.size().map(f64::from);
-        let projection = Projection::of_camera(&camera);
-        let tolerance =
-            Tolerance::new(settings.tolerance.into(), &projection, size, camera.focal_distance(), view_bounds(&camera));
+        let range = DepthRange::new(world, &camera);
+        let projection = Projection::of_camera(&camera, range);
+        let view = view_bounds(&camera, &range);
+        let tolerance = Tolerance::new(settings.tolerance.into(), &projection, size, &camera, range.near, view);
         let [left, top, width, height] = job.window().map(|v| v as i32);
         let screen = Screen {
             corner: [left, camera.size()[1] as i32 - top - height],
@@ -131,10 +143,11 @@ impl<'w> Zbuffer<'w> {
                 .iter()
                 .map(|material| [!material.model.is_index_matched_to_air(), has_holes(material)])
                 .collect(),
+            kept_bytes: AtomicUsize::new(0),
         };
         let binned = stage.run(&cancelled)?;
         let maps = match settings.shadows {
-            ShadowMethod::Map => Some(ShadowMaps::draw(world, &tolerance, settings.shadow_map_size, &cancelled)?),
+            ShadowMethod::Map => Some(ShadowMaps::draw(world, settings.shadow_map_size, &cancelled)?),
             ShadowMethod::None => None,
         };
         ControlFlow::Continue(Zbuffer {
@@ -180,21 +193,6 @@ fn grid_side(sampling: Sampling) -> Option<u32> {
         // The grid with at least as many samples, of at most as many as other patterns have.
         Sampling::Sampled(n) => Some((f64::from(n).sqrt().ceil() as u32).min(Sampling::MAX_GRID)),
     }
-}
-
-/// The box around the camera's view, between its planes.
-fn view_bounds(camera: &Camera) -> Aabb {
-    let size = camera.size().map(f64::from);
-    let mut bounds = Aabb::EMPTY;
-    for [x, y] in [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size] {
-        let (eye, d) = camera.chapter_ray(x, y);
-        for scale in [1.0, camera.far() / camera.focal_distance()] {
-            let p = eye + d * scale;
-            bounds.min = bounds.min.min(p.as_vec3());
-            bounds.max = bounds.max.max(p.as_vec3());
-        }
-    }
-    bounds
 }
 
 impl TileIntegrator for Zbuffer<'_> {
@@ -357,6 +355,7 @@ impl ZbufferWorker<'_> {
 
     fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
         let Zbuffer { job, camera, .. } = self.zbuffer;
+        self.lookup.cache.trim();
         self.lookup.prepare(tile, parts);
         let Self { lookup, whitted, hits, fragments: count, .. } = self;
         let area = buffer.area();
@@ -414,6 +413,20 @@ impl TriangleLookup<'_> {
             .and_then(|triangle| self.cache.triangle(triangle.source, world, binned))
     }
 
+    /// The fragment at a hit of a line on a triangle, with the normal of the surface that the triangle stands for.
+    #[inline]
+    fn smooth<'t>(
+        visible: &'t VisibleTriangle<'t>,
+        (line, hit): (DRay, Hit),
+        differential: Option<RayDifferential>,
+        sample: Sample,
+    ) -> Fragment<'t> {
+        match visible.surface_hit(&line, &hit) {
+            Some(hit) => Fragment { line, hit, facet: None, is_flat: false, differential, sample },
+            None => Fragment { line, hit, facet: visible.facet(), is_flat: false, differential, sample },
+        }
+    }
+
     /// Calls `add` with the fragments that are shaded for a part of a pixel, and their weights in the pixel. `seen` is
     /// the line to the part, with its hit.
     #[inline]
@@ -431,7 +444,7 @@ impl TriangleLookup<'_> {
         let fragment =
             |(line, hit), is_flat| Fragment { line, hit, facet: visible.facet(), is_flat, differential, sample };
         match settings.shading {
-            Shading::Phong => add(part.share, fragment(seen, false)),
+            Shading::Phong => add(part.share, Self::smooth(visible, seen, differential, sample)),
             Shading::Flat => add(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true)),
             Shading::Gouraud => {
                 let [u, v] = seen.1.uv.map(f64::from);
@@ -483,14 +496,9 @@ fn layers(
     let Zbuffer { world, job, camera, sampler, .. } = zbuffer;
     let first_hit = visible.map_or(FirstHit::MISS, |visible| {
         let line = camera.line(part.place[0], part.place[1]);
-        let fragment = Fragment {
-            line,
-            hit: visible.hit(&line),
-            facet: visible.facet(),
-            is_flat: false,
-            differential: differential(zbuffer, part.place),
-            sample: sampler.pixel([0; 2]).sample(0, 1),
-        };
+        let sample = sampler.pixel([0; 2]).sample(0, 1);
+        let differential = differential(zbuffer, part.place);
+        let fragment = TriangleLookup::smooth(visible, (line, visible.hit(&line)), differential, sample);
         let surface = whitted.fragment_surface(&fragment);
         let outside = surface.normal.dot(line.direction) < 0.0;
         FirstHit::new(world, camera.eye(), &fragment.hit, &surface, outside)

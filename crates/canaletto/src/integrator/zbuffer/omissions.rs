@@ -1,5 +1,6 @@
 //! What a job asks for and a z-buffer doesn't do.
 
+use super::cut_away::cut_away;
 use super::grid_side;
 use crate::Named;
 use crate::diagnose::Omission;
@@ -62,6 +63,7 @@ pub(crate) fn omissions(world: &World, job: &Job, settings: &ZbufferSettings) ->
             all.push(Omission::substitute(problem, subjects));
         }
     }
+    all.extend(cut_away(world, job));
     let mut add = |problem: String| all.push(Omission::substitute(problem, Vec::new()));
     if !job.camera.is_plain() {
         add("a z-buffer has no lens and no shutter, so all is sharp and drawn at the shutter's opening".into());

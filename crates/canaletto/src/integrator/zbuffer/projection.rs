@@ -4,6 +4,7 @@
 //! pixels to the right and upwards from the lower left corner. D/W is a depth that is affine on the screen and grows
 //! towards the viewer: 1/z of a perspective, −z of a parallel projection.
 
+use super::depth_range::DepthRange;
 use crate::camera::Camera;
 use crate::math::{DRay, Transform};
 use glam::{DMat3, DVec3, DVec4};
@@ -39,11 +40,11 @@ impl Frame {
 }
 
 impl Projection {
-    /// The projection of a camera without a lens (5.2), between its near and far planes.
-    pub(super) fn of_camera(camera: &Camera) -> Projection {
+    /// The projection of a camera without a lens (5.2).
+    pub(super) fn of_camera(camera: &Camera, range: DepthRange) -> Projection {
         let [right, up, back] = camera.axes();
         let ([w, h], window, shift) = (camera.size().map(f64::from), camera.window(), camera.shift());
-        let (focal, near) = (camera.focal_distance(), camera.focal_distance());
+        let focal = camera.focal_distance();
         let rows = [
             [focal / window.x * w, 0.0, (0.5 - shift.x) * w, 0.0],
             [0.0, focal / window.y * h, (0.5 - shift.y) * h, 0.0],
@@ -51,7 +52,7 @@ impl Projection {
             [0.0, 0.0, 0.0, 1.0],
         ];
         let frame = Frame { eye: camera.eye(), right, up, forward: -back };
-        frame.projection(rows, DVec4::new(0.0, 0.0, 1.0, -near), 1.0 / camera.far())
+        frame.projection(rows, DVec4::new(0.0, 0.0, 1.0, -range.near), 1.0 / range.far)
     }
 
     /// The projection from `eye` along `forward` onto a square of `side` pixels, with the half angle of this tangent.

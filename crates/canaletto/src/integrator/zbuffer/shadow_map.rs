@@ -53,15 +53,14 @@ impl<'w> ShadowMaps<'w> {
     /// Draws the maps. Breaks if cancelled.
     pub(super) fn draw(
         world: &'w World,
-        tolerance: &Tolerance,
         side: u32,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> ControlFlow<(), ShadowMaps<'w>> {
         let mut lights = Vec::new();
         for light in &world.lights {
             let mut maps = Vec::new();
-            for projection in projections(world, light, side) {
-                let depths = draw(world, &projection, tolerance, side as i32, cancelled)?;
+            for (projection, tolerance) in projections(world, light, side) {
+                let depths = draw(world, &projection, &tolerance, side as i32, cancelled)?;
                 maps.push(ShadowMap { projection, side: side as i32, depths });
             }
             lights.push(maps);
@@ -76,8 +75,9 @@ impl<'w> ShadowMaps<'w> {
     }
 }
 
-/// The projections of a light's maps.
-fn projections(world: &World, light: &PreparedLight, side: u32) -> Vec<Projection> {
+/// The projections of a light's maps, and the tolerance of their triangles: less than the width of a texel, so that no
+/// surface is in the shadow of its own triangles.
+fn projections(world: &World, light: &PreparedLight, side: u32) -> Vec<(Projection, Tolerance)> {
     let bounds = world.local_bounds();
     if !light.light.shadows || bounds.is_empty() {
         return Vec::new();
@@ -86,7 +86,8 @@ fn projections(world: &World, light: &PreparedLight, side: u32) -> Vec<Projectio
     let radius = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() * 0.5;
     let Some([low, high]) = light.bounds().map(|b| b.bounds) else {
         let towards = light.illuminate(0, center).direction;
-        return vec![Projection::parallel(center, radius, -towards, side)];
+        let tolerance = Tolerance::parallel(radius / f64::from(side));
+        return vec![(Projection::parallel(center, radius, -towards, side), tolerance)];
     };
     let position = (low + high) * 0.5;
     let farthest = corners(&bounds).map(|p| (p - position).length()).fold(0.0, f64::max);
@@ -94,16 +95,18 @@ fn projections(world: &World, light: &PreparedLight, side: u32) -> Vec<Projectio
     if near.is_nan() || near <= 0.0 {
         return Vec::new();
     }
+    let tolerance = |tangent: f64| Tolerance::around(position, tangent, side, bounds);
     if let LightKind::Spot(spot) = &light.light.kind {
         let axis = (spot.target.as_dvec3() - spot.position.as_dvec3()).normalize();
         // A margin for the texels around the edge of the cone.
         let tangent = 1.02 * libm::tan(f64::from(spot.outer()).to_radians());
         if tangent > 0.0 && tangent <= 1.0 && axis.is_finite() {
-            return vec![Projection::square(position, axis, tangent, side, near)];
+            let tolerance = tolerance(tangent);
+            return vec![(Projection::square(position, axis, tangent, side, near), tolerance)];
         }
     }
     let axes = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
-    axes.map(|axis| Projection::square(position, axis, 1.0, side, near)).to_vec()
+    axes.map(|axis| (Projection::square(position, axis, 1.0, side, near), tolerance(1.0))).to_vec()
 }
 
 /// The depths of one map.

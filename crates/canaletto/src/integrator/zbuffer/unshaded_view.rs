@@ -10,6 +10,7 @@ use crate::math::DRay;
 use crate::world::World;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::atomic::AtomicUsize;
 
 /// The side of the tiles in which views are drawn.
 const TILE: i32 = 64;
@@ -80,6 +81,7 @@ impl<'w> UnshadedView<'w> {
             compares_curves: self.compares_curves,
             with_unbounded: self.with_unbounded,
             traits: world.materials().iter().map(|m| [(self.is_drawn)(m), has_holes(m)]).collect(),
+            kept_bytes: AtomicUsize::new(0),
         };
         let binned = stage.run(cancelled)?;
         let [across, rows] = screen.tiles();
