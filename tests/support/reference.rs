@@ -65,9 +65,10 @@ impl<'a> Reference<'a> {
         let z = (e.eye - e.center).normalize();
         let x_e = e.up.cross(z).normalize();
         let basis = DMat3::from_cols(x_e, z.cross(x_e), z);
-        let height = 2.0 * i.near * (i.fovy.to_radians() / 2.0).tan();
+        let near = i.near.unwrap_or(canaletto::scene::Intrinsics::DEFAULT_NEAR);
+        let height = 2.0 * near * (i.fovy.to_radians() / 2.0).tan();
         let width = f64::from(i.width) / f64::from(i.height) * height;
-        let d = DVec3::new(width * (x / f64::from(i.width) - 0.5), height * (y / f64::from(i.height) - 0.5), -i.near);
+        let d = DVec3::new(width * (x / f64::from(i.width) - 0.5), height * (y / f64::from(i.height) - 0.5), -near);
         let mut decisions = 1469598103934665603;
         let color = self.trace(e.eye, (basis * d).normalize(), 1, &mut decisions);
         Sample { color, decisions }

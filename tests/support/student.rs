@@ -148,12 +148,13 @@ impl<'a> StudentTracer<'a> {
         let (i, e) = (&self.scene.views[0].intrinsics, &self.scene.views[0].extrinsics);
         let (w, h) = (f64::from(w), f64::from(h));
         let angle = if self.does(Planted::TangentOfFovy) { i.fovy } else { i.fovy / 2.0 };
-        let height = 2.0 * i.near * angle.to_radians().tan();
+        let near = i.near.unwrap_or(canaletto::scene::Intrinsics::DEFAULT_NEAR);
+        let height = 2.0 * near * angle.to_radians().tan();
         let base = if self.does(Planted::SquareWindow) { height } else { height * w / h };
         let z = (e.eye - e.center).normalize();
         let x_e = e.up.cross(z).normalize();
         let y_e = z.cross(x_e);
-        let d = -i.near * z + height * (y / h - 0.5) * y_e + base * (x / w - 0.5) * x_e;
+        let d = -near * z + height * (y / h - 0.5) * y_e + base * (x / w - 0.5) * x_e;
         self.trace(e.eye, d.normalize(), 1)
     }
 
