@@ -5,7 +5,7 @@ use crate::progress::{ProgressFlag, Style};
 use crate::watch::ReadLog;
 use canaletto::Named;
 use canaletto::camera::Camera;
-use canaletto::scene::{Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
+use canaletto::scene::{Exposure, Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
 use canaletto_io::diagnostic::Diagnostics;
 use canaletto_io::import::FORMATS;
@@ -176,7 +176,11 @@ pub(crate) struct PictureFlags {
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
 
-    /// Sets the tone mapping of values over 1
+    /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture. EXR files keep their light
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help_heading = "Colour")]
+    pub exposure: Option<Exposure>,
+
+    /// Sets the mapping of exposed light to the range of a display
     #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), help_heading = "Colour")]
     pub tone: Option<Tone>,
 

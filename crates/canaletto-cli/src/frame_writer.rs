@@ -46,7 +46,7 @@ impl<'a> FrameWriter<'a> {
             return Ok(None);
         }
         if plan.output.format.film().is_some() {
-            let image = layers::developed(&frame.rendering.picture, &frame.job.film);
+            let image = layers::developed(&frame.rendering.picture, &frame.job.developing());
             self.add_to_film(&image, frame.job, frame.texts.to_vec())?;
         } else {
             let mut written = Vec::new();
@@ -138,7 +138,7 @@ impl<'a> FrameWriter<'a> {
         file: &Path,
         settings: &EncodeSettings,
     ) -> Result<String, Failure> {
-        let rendered = Rendered { picture: &frame.rendering.picture, film: &frame.job.film };
+        let rendered = Rendered { picture: &frame.rendering.picture, developing: frame.job.developing() };
         let texts = frame.texts(None);
         let place = self.plan.output.write_part_with(file, |out| {
             format.write_rows(&rendered, settings, &texts, out, &interrupt::has_time_to_save)
@@ -161,11 +161,11 @@ impl<'a> FrameWriter<'a> {
         mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let (rendering, job, output) = (frame.rendering, frame.job, self.plan.output.format);
-        let (picture, film) = (&rendering.picture, &job.film);
+        let (picture, developing) = (&rendering.picture, job.developing());
         let Some(format) = output.picture() else { return Ok(()) };
         let goes_on = || if rendering.complete { !interrupt::stops() } else { interrupt::has_time_to_save() };
         let settings = self.settings(frame);
-        let bytes = format.encode(&Rendered { picture, film }, &settings, &frame.texts(None), &goes_on);
+        let bytes = format.encode(&Rendered { picture, developing }, &settings, &frame.texts(None), &goes_on);
         write(0, &bytes.map_err(|e| unfit(&e))?)?;
         if output.has_layers() {
             return Ok(());
@@ -174,7 +174,7 @@ impl<'a> FrameWriter<'a> {
             if !goes_on() {
                 break;
             }
-            let (image, transfer) = layers::to_image(layer, picture, film, &frame.world.bounds());
+            let (image, transfer) = layers::to_image(layer, picture, &developing, &frame.world.bounds());
             let mut texts = frame.texts(Some(*aov));
             texts.push(("transfer".into(), transfer.name().into()));
             let bytes = format.encode_image(&image, transfer, &settings, &texts).map_err(|e| unfit(&e))?;

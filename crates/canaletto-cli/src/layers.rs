@@ -1,9 +1,9 @@
 //! Displayable pictures of extra layers. An EXR holds the numbers themselves; a PNG needs a mapping to colours.
 
-use canaletto::film::{Layer, Picture, develop};
+use canaletto::film::{Developer, Layer, Picture, develop};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
-use canaletto::scene::{FilmSettings, Tone, Transfer};
+use canaletto::scene::{Developing, Transfer};
 use canaletto::{Aabb, Named};
 use canaletto_io::picture::Image;
 
@@ -20,11 +20,11 @@ A PNG layer of --aov is a separate file, name.LAYER.png. Its numbers become colo
   denoising-albedo       the albedo, with the --transfer of the picture
   denoising-normal, denoising-depth
                          as normal and depth
-  the others             light, with the --tone and --transfer of the picture
+  the others             light, with --exposure, --tone and --transfer of the picture
 An EXR holds all layers as channels of one file, with unchanged numbers: normal.X, depth.Z, object_id.X, ...";
 
 /// A layer as a displayable picture, with the transfer curve of its values.
-pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bounds: &Aabb) -> (Image, Transfer) {
+pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing, bounds: &Aabb) -> (Image, Transfer) {
     let aov = Aov::from_name(layer.name).unwrap_or(Aov::Cost);
     let pixels: Vec<Rgb> = match aov {
         Aov::Depth | Aov::DenoisingDepth => depth(&layer.data),
@@ -37,11 +37,13 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bo
         Aov::DenoisingAlbedo => {
             let pixels = triples(layer).collect();
             let albedo = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };
-            return (rgb_image(picture, &develop(&albedo, Tone::Clamp, film.transfer)), film.transfer);
+            let plain = Developing { transfer: developing.transfer, ..Developing::default() };
+            return (rgb_image(picture, &develop(&albedo, &plain)), plain.transfer);
         }
         _ if aov.is_light() => {
-            let light = light(layer, picture, film);
-            return (rgb_image(picture, &light), film.transfer);
+            let light: Vec<Rgb> = triples(layer).collect();
+            let shown = Developer::new(picture, developing).developed(&light);
+            return (rgb_image(picture, &shown), developing.transfer);
         }
         _ => {
             let largest = layer.data.iter().copied().fold(0.0, f32::max).max(1.0);
@@ -52,8 +54,8 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, film: &FilmSettings, bo
 }
 
 /// The picture as display values, the top row first.
-pub(crate) fn developed(picture: &Picture, film: &FilmSettings) -> Image {
-    rgb_image(picture, &develop(picture, film.tone, film.transfer))
+pub(crate) fn developed(picture: &Picture, developing: &Developing) -> Image {
+    rgb_image(picture, &develop(picture, developing))
 }
 
 fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {
@@ -88,15 +90,6 @@ fn position(layer: &Layer, bounds: &Aabb) -> Vec<Rgb> {
     triples(layer).map(color).collect()
 }
 
-/// A light layer, with the exposure of the picture.
-fn light(layer: &Layer, picture: &Picture, film: &FilmSettings) -> Vec<Rgb> {
-    let largest = picture.pixels.iter().map(|c| c.max_component()).fold(0.0, f32::max);
-    let scale = if film.tone == Tone::Scale && largest > 1.0 { 1.0 / largest } else { 1.0 };
-    let pixels = triples(layer).map(|c| c * scale).collect();
-    let part = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };
-    develop(&part, Tone::Clamp, film.transfer)
-}
-
 fn fraction(v: f32) -> f32 {
     if v.is_finite() && v != 1.0 { v - v.floor() } else { 1.0 }
 }
@@ -123,7 +116,7 @@ fn id_color(id: u32) -> Rgb {
 mod tests {
     use super::*;
     use canaletto::camera::Camera;
-    use canaletto::scene::{Extrinsics, Intrinsics, Scene};
+    use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, Scene};
     use canaletto::world::World;
     use canaletto_io::picture::channel_names;
 
@@ -159,7 +152,7 @@ mod tests {
         assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 7 * 3 + 1 + 1 + 1 + 3 + 3 + 3 + 1);
         assert_eq!(names, channel_names(&job.aovs));
         for layer in &picture.layers {
-            let (image, _) = to_image(layer, &picture, &job.film, &world.bounds());
+            let (image, _) = to_image(layer, &picture, &job.developing(), &world.bounds());
             assert!(image.channels.iter().all(|c| c.data.iter().all(|v| (0.0..=1.0).contains(v))), "{}", layer.name);
         }
     }

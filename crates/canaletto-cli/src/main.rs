@@ -24,6 +24,7 @@ mod legend;
 #[cfg(test)]
 mod manual;
 mod memory;
+mod metering;
 mod omissions;
 mod output;
 mod output_format;

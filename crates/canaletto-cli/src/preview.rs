@@ -67,7 +67,7 @@ impl PreviewFile<'_> {
         texts.push((UNFINISHED.into(), unfinished));
         let settings =
             EncodeSettings { compression: Compression::Fast, window: Some(self.window), ..self.output.settings };
-        let rendered = Rendered { picture, film: &self.job.film };
+        let rendered = Rendered { picture, developing: self.job.developing() };
         let bytes = format.encode(&rendered, &settings, &texts, &|| !interrupt::stops()).map_err(|e| unfit(&e))?;
         if interrupt::stops() {
             return Ok(());

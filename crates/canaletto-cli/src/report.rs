@@ -35,6 +35,9 @@ pub(crate) struct Report {
     pub hierarchies: ReuseCounts,
     /// The numbers of rays by kind.
     pub rays: RayCounts,
+    /// The stops that the exposure "auto" became.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metered_exposure: Option<f32>,
     /// Where the solution of radiosity comes from.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solution: Option<SolutionSource>,
@@ -125,6 +128,9 @@ impl Report {
         // What a render with an open end made isn't what it was allowed to.
         let made = self.samples.map_or_else(|| sampling.to_owned(), |samples| format!("{} per pixel", samples.words()));
         out += &format!("{files}: {width} x {height} pixels, {made}\n");
+        if let Some(stops) = self.metered_exposure {
+            out += &format!("  auto exposure: {}\n", exposure_words(stops));
+        }
         if self.rays_total > 0 {
             out += &format!("  {:<10} {:>15} {:>15}\n", "rays", "traced", "hit");
         }
@@ -155,6 +161,11 @@ impl Report {
         );
         out
     }
+}
+
+/// Metered stops for people, with the flag that makes the same picture.
+fn exposure_words(stops: f32) -> String {
+    format!("{stops} stops (--exposure {stops})")
 }
 
 /// The files of a picture for people. The last of them is `samples`, if that is given.

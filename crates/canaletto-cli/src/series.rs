@@ -9,6 +9,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
+use crate::metering::{METERED_EXPOSURE, exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, shortfalls};
 use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
@@ -20,6 +21,7 @@ use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use canaletto::Named;
+use canaletto::film::metered_exposure;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
 use canaletto::scene::{Integrator, Sampling, Scene};
@@ -39,6 +41,8 @@ pub(crate) struct Series<'a> {
     /// The warnings that were already printed.
     told: HashSet<String>,
     start: Instant,
+    /// The stops that the exposure `auto` became, once they are metered.
+    metered: Option<f32>,
     /// The number of rendered frames, the number of frames that were complete before, and the time for the former.
     rendered: u64,
     kept: u64,
@@ -75,6 +79,17 @@ fn rays(job: &Job) -> u64 {
     2 * u64::from(width) * u64::from(height) * u64::from(samples)
 }
 
+impl FrameContext {
+    /// Sets the exposure that was metered, and notes it in the texts.
+    fn expose(&mut self, stops: f32) {
+        self.job = exposed(&self.job, stops);
+        for preview in &mut self.previews {
+            preview.job = exposed(&preview.job, stops);
+        }
+        self.texts.push((METERED_EXPOSURE.into(), stops.to_string()));
+    }
+}
+
 /// A frame that was rendered.
 struct RenderedFrame {
     report: Report,
@@ -97,6 +112,7 @@ impl<'a> Series<'a> {
             writer: FrameWriter::new(plan),
             told: HashSet::new(),
             start: Instant::now(),
+            metered: None,
             rendered: 0,
             kept: 0,
             spent: Duration::ZERO,
@@ -140,6 +156,11 @@ impl<'a> Series<'a> {
                 (frame_context.hierarchies, frame_context.times.build) = (world.origins(), time.as_secs_f64());
                 self.tell_of(&doubt_omissions(&self.reader.name, &world, &frame_context.job));
                 frame_context.world = Some(world);
+            }
+            let Some(world) = &frame_context.world else { continue };
+            let metered = self.metered_stops(&frame_context, world, frame)?;
+            if let Some(stops) = metered {
+                frame_context.expose(stops);
             }
             let Some(world) = &frame_context.world else { continue };
             let RenderedFrame { report, whole } = self.frame(&frame_context, world, frame)?;
@@ -226,6 +247,38 @@ impl<'a> Series<'a> {
                 &texts(&frame_context.texts, &job, index.checked_sub(1).map(|layer| job.aovs[layer])),
             )
         })
+    }
+
+    /// The stops of the frame's exposure, if it is `auto`. They are metered once, in the scene's first frame.
+    fn metered_stops(
+        &mut self,
+        frame_context: &FrameContext,
+        world: &World,
+        frame: u32,
+    ) -> Result<Option<f32>, Failure> {
+        if !is_metered(&frame_context.job) {
+            return Ok(None);
+        }
+        let stops = match self.metered {
+            Some(stops) => stops,
+            None if is_metered_elsewhere(&self.reader, frame) => {
+                let (first, job) = first_frame(&mut self.reader, (&self.flags.source, &self.flags.picture))?;
+                meter(&self.reader.name, &first, &job, None)?
+            }
+            // The pictures of shooting steps are those of the frame's own solution.
+            None if self.plan.steps.is_some() => meter(&self.reader.name, world, &frame_context.job, None)?,
+            None => {
+                let small = Job { frame, ..frame_context.job.metering() };
+                let label = "exposure  ".to_owned();
+                let pixels = u64::from(small.window()[2]) * u64::from(small.window()[3]);
+                let watch = ProgressDisplay::begin(Style::Silent, frame, label, pixels, RunProgress::SINGLE);
+                let rendered = self.rendering(frame_context, world, &small, &watch);
+                watch.finish();
+                metered_exposure(&rendered?.0.picture)
+            }
+        };
+        self.metered = Some(stops);
+        Ok(Some(stops))
     }
 
     /// Renders a frame and writes it.
@@ -326,6 +379,7 @@ impl<'a> Series<'a> {
             hierarchies: frame_context.hierarchies,
             rays: rendering.counts.rays,
             solution,
+            metered_exposure: self.metered,
             samples: rendering.statistics.as_ref().map(|statistics| SampleReport::new(statistics, pixels)),
             counts: rendering.counts.others.iter().copied().collect(),
             rays_total,
@@ -490,7 +544,23 @@ impl<'a> Series<'a> {
     /// Warns of samples that aren't finite, of light that a clamp removes, and of noise that isn't as low as asked.
     fn tell_of_samples(&mut self, rendering: &Rendering, job: &Job) {
         let Some(statistics) = &rendering.statistics else { return };
-        self.tell_of(&shortfalls(&self.reader.name, &sample_warnings(statistics, job, rendering.complete)));
+        let mut warnings = sample_warnings(statistics, job, rendering.complete);
+        warnings.extend(self.darkness(rendering, job));
+        self.tell_of(&shortfalls(&self.reader.name, &warnings));
+    }
+
+    /// A warning that a picture for display is much darker than a photo, where nobody chose its exposure.
+    fn darkness(&self, rendering: &Rendering, job: &Job) -> Option<String> {
+        /// The stops from which little is seen.
+        const DARK: f32 = 4.0;
+        let is_shown = self.plan.output.format.capabilities().is_none_or(|can| !can.linear);
+        if job.film.exposure.is_some() || !is_shown || !rendering.complete {
+            return None;
+        }
+        let stops = metered_exposure(&rendering.picture);
+        (stops >= DARK).then(|| {
+            format!("the picture is {stops:.1} stops darker than a photo would be; --exposure auto shows what is there")
+        })
     }
 
     /// Says once that radiosity is solved again for frames whose scene changes.

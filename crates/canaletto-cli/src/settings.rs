@@ -8,7 +8,7 @@ use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
 use canaletto::scene::{
-    FilmSettings, Filter, Integrator, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View,
+    Exposure, FilmSettings, Filter, Integrator, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View,
 };
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
@@ -42,7 +42,8 @@ impl Settings {
         let film = FilmSettings {
             sampling: sampling(scene.film.sampling, flags)?,
             sampler: flags.sampler.unwrap_or(scene.film.sampler),
-            tone: flags.tone.unwrap_or(scene.film.tone),
+            exposure: flags.exposure.or(scene.film.exposure),
+            tone: flags.tone.or(scene.film.tone),
             transfer: flags.transfer.unwrap_or(scene.film.transfer),
             crop: flags.crop.or(own_crop),
             ..scene.film
@@ -218,6 +219,7 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     let Job { camera, film, integrator, seed, .. } = &settings.job;
     let [width, height] = camera.size();
     let file = source.scene.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let developing = settings.job.developing();
     let mut texts = vec![
         ("scene", file),
         ("camera", settings.camera.clone()),
@@ -225,10 +227,14 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("sampling", sampling_words(film)),
         ("sampler", film.sampler.name().into()),
         ("filter", filter_words(film.filter)),
-        ("tone", film.tone.name().into()),
+        ("tone", developing.tone.name().into()),
         ("transfer", film.transfer.name().into()),
         ("integrator", integrator.name().into()),
     ];
+    // Without an exposure a file is as it would be if there were none.
+    if developing.exposure != Exposure::default() {
+        texts.push(("exposure", developing.exposure.to_string()));
+    }
     texts.extend(integrator.settings());
     texts.push(("seed", seed.to_string()));
     if let Some([x, y, width, height]) = film.crop {

@@ -168,7 +168,7 @@ impl StepWriter<'_> {
             return Ok(());
         }
         let file = self.pictures.output.path(u32::try_from(step.step).unwrap_or(u32::MAX));
-        let shown = Rendered { picture: &rendered.picture, film: &self.job.film };
+        let shown = Rendered { picture: &rendered.picture, developing: self.job.developing() };
         let settings = EncodeSettings { window: Some(window(&self.job)), ..self.pictures.output.settings };
         let mut texts = self.texts.to_vec();
         texts.push(("shooting step".into(), step.step.to_string()));

@@ -91,9 +91,16 @@ fn twelve_kinds_of_pixels_fit_on_a_few_screens() {
 fn bytes_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.png");
-    for (scene, pixels) in
-        [("scenes/chapter/fig-5.27b-glass.kdl", [[110, 75], [5, 5]]), ("scenes/rough.kdl", [[60, 60], [150, 120]])]
-    {
+    let glass = "scenes/chapter/fig-5.27b-glass.kdl";
+    let toned = |flags: &str| format!("{glass} --transfer srgb {flags}");
+    for (scene, pixels) in [
+        (glass.to_owned(), [[110, 75], [5, 5]]),
+        ("scenes/rough.kdl".to_owned(), [[60, 60], [150, 120]]),
+        (toned("--exposure 1.5 --tone agx"), [[110, 75], [5, 5]]),
+        (toned("--exposure -2 --tone clamp"), [[110, 75], [5, 5]]),
+        (toned("--exposure 2 --tone pbr-neutral"), [[110, 75], [5, 5]]),
+        (toned("--exposure auto --tone agx"), [[110, 75], [5, 5]]),
+    ] {
         let rendered = run(&root(), &format!("render {scene} -q -o {} --samples 4", file.display()));
         assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
         let mut reader =
@@ -112,6 +119,31 @@ fn bytes_are_those_of_the_file() {
     }
     let scaled = explained(&root(), "scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale");
     assert!(scaled.contains("divides by the picture's largest component"), "{scaled}");
+}
+
+/// The exposure that `auto` becomes, given as a number, makes the same picture; a part of the picture has the same one.
+#[test]
+fn auto_exposure_is_told_and_can_be_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let rendered = |flags: &str| {
+        let file = folder.path().join("a.png");
+        let command = format!("render scenes/chapter/fig-5.27b-glass.kdl --tone agx {flags} -o {}", file.display());
+        let output = run(&root(), &command);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let file = std::io::BufReader::new(std::fs::File::open(&file).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let report = String::from_utf8_lossy(&output.stderr).into_owned();
+        let stops = report.split_once("(--exposure ").map(|(_, rest)| rest.split(')').next().unwrap().to_owned());
+        (bytes, stops)
+    };
+    let (auto, stops) = rendered("--exposure auto --threads 1");
+    let stops = stops.expect("the report tells the stops");
+    assert_ne!(stops.parse::<f32>(), Ok(0.0));
+    assert!(rendered(&format!("--exposure {stops} --threads 3")).0 == auto);
+    assert!(rendered("--exposure 0").0 != auto);
+    assert_eq!(rendered("--exposure auto --crop 0,0,20,10 --seed 3").1, Some(stops));
 }
 
 /// The chapter's camera and sphere, recomputed here from the scene's numbers (box 5.4).

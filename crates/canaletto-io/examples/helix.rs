@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let job = Job::new(Camera::new(&intrinsics, &extrinsics)?, film, WhittedSettings::default());
 
     let picture = render(&World::build(scene)?, &job, &())?.picture;
-    let shown = develop(&picture, film.tone, Transfer::Srgb);
+    let shown = develop(&picture, &job.developing());
     let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
     let png = PictureFormat::Png.encode_image(&image, Transfer::Srgb, &EncodeSettings::default(), &[])?;
     write_atomically(Path::new("helix.png"), WriteOptions::default(), |file| file.write_all(&png))?;

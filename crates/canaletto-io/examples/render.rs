@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let view = scene.views.first().ok_or("the scene has no camera")?;
     let job = Job::new(Camera::of(view)?, scene.film, scene.integrator);
     let rendered = render(&World::build(scene)?, &job, &())?.picture;
-    let pixels = develop(&rendered, job.film.tone, job.film.transfer);
+    let pixels = develop(&rendered, &job.developing());
     let image = Image::from_rgb(rendered.width, rendered.height, pixels.iter().map(|c| c.to_array()));
     let png = PictureFormat::Png.encode_image(&image, job.film.transfer, &EncodeSettings::default(), &[])?;
     write_atomically(Path::new(&picture), WriteOptions::default(), |file| file.write_all(&png))?;

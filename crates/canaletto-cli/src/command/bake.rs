@@ -16,7 +16,7 @@ use canaletto::Named;
 use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, LeftOut, LeftOutReason, TexelDensity};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::memory;
-use canaletto::scene::{FilmSettings, Scene, Tone};
+use canaletto::scene::{Developing, Exposure, FilmSettings, Integrator, RadiositySettings, Scene, Tone};
 use canaletto_io::export::{Export, ExportFormat, LightMaps, UpAxis};
 use clap::Args;
 use serde::Serialize;
@@ -68,7 +68,11 @@ pub(crate) struct BakeFlags {
     #[arg(long, help_heading = "Light map")]
     pub dark_sides: bool,
 
-    /// Sets the tone mapping of colours over 1 [default: the scene's]
+    /// Sets the exposure of colours in stops, or auto [default: the scene's]
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help_heading = "Light map")]
+    pub exposure: Option<Exposure>,
+
+    /// Sets the tone mapping of colours [default: the scene's]
     #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), help_heading = "Light map")]
     pub tone: Option<Tone>,
 
@@ -168,7 +172,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
         materials: world.materials(),
         origin: world.origin(),
         views: &shown.views,
-        film: &shown.film,
+        developing: shown.developing,
         up: shown.up,
         maps: flags.maps,
         stem: &stem(&output),
@@ -210,15 +214,17 @@ fn left_out(LeftOut { reason, names, .. }: &LeftOut) -> Option<String> {
 /// What the output takes from the scene besides its world.
 struct Shown {
     views: Vec<canaletto::scene::View>,
-    film: FilmSettings,
+    developing: Developing,
     up: UpAxis,
 }
 
 impl Shown {
     fn of(scene: &Scene, flags: &BakeFlags) -> Shown {
         let up = flags.up.or(scene.views.first().map(UpAxis::of_view)).unwrap_or_default();
-        let film = FilmSettings { tone: flags.tone.unwrap_or(scene.film.tone), ..scene.film };
-        Shown { views: scene.views.clone(), film, up }
+        let tone = flags.tone.or(scene.film.tone);
+        let film = FilmSettings { exposure: flags.exposure.or(scene.film.exposure), tone, ..scene.film };
+        let developing = film.developing(&Integrator::Radiosity(RadiositySettings::DEFAULT));
+        Shown { views: scene.views.clone(), developing, up }
     }
 }
 

@@ -10,7 +10,7 @@ use canaletto::bake::{Atlas, BakedScene};
 use canaletto::film::{Picture, develop};
 use canaletto::material::Material;
 use canaletto::math::Rgb;
-use canaletto::scene::{FilmSettings, Transfer, View};
+use canaletto::scene::{Developing, Transfer, View};
 use canaletto::{Named, named};
 use glam::{DVec3, Vec3};
 use std::f32::consts::PI;
@@ -100,8 +100,8 @@ pub struct Export<'a> {
     pub origin: DVec3,
     /// The cameras.
     pub views: &'a [View],
-    /// Tone mapping and transfer curve of the colours.
-    pub film: &'a FilmSettings,
+    /// How colours are developed.
+    pub developing: Developing,
     /// The axis that points up.
     pub up: UpAxis,
     /// What the textures hold.
@@ -159,11 +159,11 @@ impl Export<'_> {
         let shown: Vec<Rgb> = match self.maps {
             LightMaps::Combined => {
                 let picture = picture(radiance.iter().map(|&color| Rgb::from(color)).collect());
-                develop(&picture, self.film.tone, self.film.transfer)
+                develop(&picture, &self.developing)
             }
             LightMaps::Light => {
                 let picture = picture(reflectance.iter().map(|&[r, g, b, _]| Rgb::new(r, g, b)).collect());
-                develop(&picture, canaletto::scene::Tone::Clamp, Transfer::Srgb)
+                develop(&picture, &Developing::default())
             }
         };
         let mut image = Image::from_rgb(*width, *height, shown.iter().map(|color| color.to_array()));

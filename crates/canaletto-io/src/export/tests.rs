@@ -5,7 +5,7 @@ use crate::picture::{Decoded, decode};
 use canaletto::bake::{BakeSettings, BakedVertex, TexelDensity};
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::material::Phong;
-use canaletto::scene::{Node, RadiositySettings, Scene};
+use canaletto::scene::{Developing, Node, RadiositySettings, Scene};
 use canaletto::shape::{Cuboid, Shape, Sphere};
 use canaletto::world::World;
 use glam::DQuat;
@@ -53,14 +53,13 @@ struct Exported {
     world: World,
     baked: BakedScene,
     views: Vec<View>,
-    film: FilmSettings,
+    developing: Developing,
 }
 
 impl Exported {
     fn new() -> Exported {
         let (world, baked) = baked();
-        let film = FilmSettings { transfer: Transfer::Srgb, ..FilmSettings::default() };
-        Exported { world, baked, views: scene().views, film }
+        Exported { world, baked, views: scene().views, developing: Developing::default() }
     }
 
     fn files(&self, format: ExportFormat, maps: LightMaps, up: UpAxis, origin: DVec3) -> Vec<ExportedFile> {
@@ -69,7 +68,7 @@ impl Exported {
             materials: self.world.materials(),
             origin,
             views: &self.views,
-            film: &self.film,
+            developing: self.developing,
             up,
             maps,
             stem: "room",

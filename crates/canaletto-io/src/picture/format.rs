@@ -3,7 +3,7 @@
 use super::{Compression, Decoded, Image, PictureError, Window, exr, png, pnm, texture};
 use crate::image;
 use canaletto::film::Picture;
-use canaletto::scene::{FilmSettings, Transfer};
+use canaletto::scene::{Developing, Transfer};
 use std::io::{self, Seek, Write};
 
 /// The formats of picture files.
@@ -115,8 +115,8 @@ pub struct EncodeSettings {
 pub struct Rendered<'a> {
     /// The picture in linear light, with its layers.
     pub picture: &'a Picture,
-    /// The settings of developing.
-    pub film: &'a FilmSettings,
+    /// How it is developed.
+    pub developing: Developing,
 }
 
 /// A file, or anything else that is written at any place.
@@ -281,8 +281,7 @@ mod tests {
     fn capabilities_hold_for_files() {
         let mut picture = Picture::new(5, 3);
         picture.pixels[7] = [0.5, 2.0, 0.25].into();
-        let film = FilmSettings::default();
-        let rendered = Rendered { picture: &picture, film: &film };
+        let rendered = Rendered { picture: &picture, developing: Developing::default() };
         let texts = [("seed".to_owned(), "7".to_owned())];
         for format in PictureFormat::written() {
             let can = format.capabilities().unwrap();

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::picture::{EncodeSettings, PictureFormat, Rendered, decode};
     use canaletto::film::Picture;
-    use canaletto::scene::FilmSettings;
+    use canaletto::scene::Developing;
 
     fn file(samples: &SampleBlocks, bits: Option<u8>) -> Vec<u8> {
         let [width, height] = samples.size();
@@ -110,7 +110,7 @@ mod tests {
             *color = samples.mean(pixel);
         }
         picture.layers = [samples.layers(&picture.pixels), samples.half_layers()].concat();
-        let rendered = Rendered { picture: &picture, film: &FilmSettings::default() };
+        let rendered = Rendered { picture: &picture, developing: Developing::default() };
         let settings = EncodeSettings { bits, ..EncodeSettings::default() };
         let texts: &[_] = match samples.counts() {
             [first, rest @ ..] if rest.iter().all(|count| count == first) => {

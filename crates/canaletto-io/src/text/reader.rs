@@ -5,6 +5,7 @@ use super::schema::{Field, FieldSchema, NUMBER, NodeSchema, Numbers, POINT, Text
 use super::syntax::{Node, Span, Value, ValueKind};
 use canaletto::Named;
 use canaletto::math::Rgb;
+use canaletto::scene::Exposure;
 use glam::{DVec3, Vec3};
 
 /// The fields of a node, each value validated. Mistakes were reported.
@@ -101,6 +102,15 @@ impl FieldValue for u32 {
 
     fn read(entry: &Entry) -> Option<u32> {
         f64::read(entry).map(|number| number as u32)
+    }
+}
+
+impl FieldValue for Exposure {
+    const TYPE: ValueType = ValueType::NumberOrKeyword(&[Exposure::AUTO]);
+
+    fn read(entry: &Entry) -> Option<Exposure> {
+        let word = entry.good.then(|| entry.values.first()?.as_text()).flatten();
+        word.map_or_else(|| f32::read(entry).map(Exposure::Stops), |word| word.parse().ok())
     }
 }
 

@@ -18,6 +18,8 @@ pub(crate) enum ValueType {
     Counts(usize),
     /// `#true` or `#false`; no value means `#true`.
     Flag,
+    /// A number or one of these keywords.
+    NumberOrKeyword(&'static [&'static str]),
     /// A flag or one of these keywords.
     FlagOrKeyword(&'static [&'static str]),
     /// Any text.
@@ -37,6 +39,7 @@ impl ValueType {
             ValueType::Numbers(_) | ValueType::Rgb | ValueType::Count | ValueType::Counts(_) | ValueType::Many(_) => {
                 true
             }
+            ValueType::NumberOrKeyword(_) => true,
             ValueType::Flag | ValueType::FlagOrKeyword(_) | ValueType::Text | ValueType::Keyword(_) => false,
             ValueType::Node(words) => words.argument.is_some_and(|argument| argument.value_type.is_of_numbers()),
         }
@@ -260,6 +263,7 @@ impl std::fmt::Display for ValueType {
             ValueType::Count => f.write_str("a whole number"),
             ValueType::Counts(n) => write!(f, "{n} whole numbers"),
             ValueType::Flag => f.write_str("#true or #false"),
+            ValueType::NumberOrKeyword(words) => write!(f, "a number or {}", ValueType::Keyword(words)),
             ValueType::FlagOrKeyword(words) => write!(f, "#true, #false, {}", ValueType::Keyword(words)),
             ValueType::Text => f.write_str("a text"),
             ValueType::Keyword(words) => {

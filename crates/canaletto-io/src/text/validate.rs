@@ -6,7 +6,7 @@ use super::files::Files;
 use super::nodes::{self, TRANSFORMS};
 use super::reader::{Entry, Fields, TransformEntry};
 use super::report::{Message, Report};
-use super::schema::{FieldSchema, NodeSchema, ValueType};
+use super::schema::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use super::suggest::{described, shortened};
 use super::syntax::{Node, Span, Value, ValueKind};
 use crate::diagnostic::word_list;
@@ -235,9 +235,13 @@ impl<'a> Validator<'a> {
                 }
                 whole
             }
+            (ValueType::NumberOrKeyword(_), ValueKind::Number(_)) => self.number(subject, NUMBER, value),
             (ValueType::Flag | ValueType::FlagOrKeyword(_), ValueKind::Flag(_))
             | (ValueType::Text, ValueKind::Text(_)) => true,
-            (ValueType::Keyword(allowed) | ValueType::FlagOrKeyword(allowed), ValueKind::Text(text)) => {
+            (
+                ValueType::Keyword(allowed) | ValueType::FlagOrKeyword(allowed) | ValueType::NumberOrKeyword(allowed),
+                ValueKind::Text(text),
+            ) => {
                 let known = allowed.contains(&&**text);
                 if !known {
                     let message = Message::error(value.span, format!("{subject} can't be \"{}\"", shortened(text)));

@@ -202,6 +202,11 @@ impl Camera {
         Camera { eye: self.eye - origin, zero: self.zero + origin, ..self.clone() }
     }
 
+    /// The camera with another number of pixels in the same window.
+    pub(crate) fn resized(&self, size: [u32; 2]) -> Camera {
+        Camera { size, ..self.clone() }
+    }
+
     /// Whether the camera is a pinhole at rest, so that all rays are [`Camera::line`]s.
     #[inline]
     pub fn is_plain(&self) -> bool {

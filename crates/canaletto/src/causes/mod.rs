@@ -162,8 +162,7 @@ pub fn find_causes(
     }
     let jobs = [reference.job, other.job].map(|job| job.relative_to(world).unwrap_or_else(|| job.clone()));
     let stack = jobs.iter().map(|job| stack_of(world, job)).max().unwrap_or_default();
-    let film = &reference.job.film;
-    let developer = Developer::new(reference.picture, film.tone, film.transfer);
+    let developer = Developer::new(reference.picture, &reference.job.developing());
     let judge = Judge { developer, tolerance, camera: &reference.job.camera, other: &other.job.integrator };
     with_stack(stack, || {
         let mut explainers = Vec::new();

@@ -45,9 +45,9 @@ pub(super) struct Judge<'a> {
 impl Judge<'_> {
     /// A colour as the display shows it, in steps of 8 bits.
     fn shown(&self, color: DVec3) -> DVec3 {
-        let mut values = color.as_vec3().to_array();
+        let mut values = [color.as_vec3().to_array()];
         self.developer.develop(&mut values);
-        DVec3::from_array(values.map(f64::from)) * 255.0
+        DVec3::from_array(values[0].map(f64::from)) * 255.0
     }
 
     /// The largest difference of two colours' components in steps of 8 bits, if they differ.

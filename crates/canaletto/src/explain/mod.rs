@@ -30,7 +30,7 @@ mod tree;
 mod tree_svg;
 mod tried_objects;
 
-pub use developed::{DevelopedNode, DevelopedValues};
+pub use developed::{DevelopedNode, DevelopedValues, ToneCurve};
 pub use difference::{TermDifference, TermValue, TreeDifference};
 pub use intersection::{Intersection, TriedObject};
 pub use outside::{OutsidePicture, OutsideView};

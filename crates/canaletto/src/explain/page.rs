@@ -53,14 +53,18 @@ impl PixelTree {
         page.colored_row(&format!("rendered pixel ({is_equal})"), "", &page.rgb(self.color), self.color);
         let developed = &self.developed;
         if let Some(values) = &developed.values {
+            if let Some(stops) = developed.exposure.filter(|stops| *stops != 0.0) {
+                let name = format!("exposure of {} stops", page.number(stops));
+                page.colored_row(&name, "", &page.rgb(values.exposed), values.exposed);
+            }
             page.colored_row(&format!("tone {}", developed.tone), "", &page.rgb(values.toned), values.toned);
             page.row(&format!("transfer {}", developed.transfer), "", &page.rgb(values.displayed));
             let [r, g, b] = values.bytes;
             let code = format!("#{r:02x}{g:02x}{b:02x}");
             let swatch = format!("<i class=\"swatch\" style=\"background:{code}\"></i>");
             page.row_with("bytes in the file", "", &format!("{r} {g} {b}  {code}"), &swatch);
-        } else {
-            page.row(&format!("tone {}", developed.tone), "", "divides by the largest component of the whole picture");
+        } else if let Some([what, why]) = developed.unknown() {
+            page.row(what, "", why);
         }
         page.html += "</table>\n";
         if self.samples.len() > 1 {

@@ -317,7 +317,7 @@ impl<'a> ExplainWorker<'a> {
             radiosity: self.explainer.lit(&samples),
             samples,
             camera: self.has_steps.then(|| CameraSteps::new(self.explainer.world, &self.explainer.job.camera)),
-            developed: DevelopedNode::new(sum.mean(), &self.explainer.job.film),
+            developed: DevelopedNode::new(sum.mean(), &self.explainer.job.developing()),
             color: sum.mean(),
         }
     }

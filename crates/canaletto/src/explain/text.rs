@@ -1,6 +1,5 @@
 //! Trees as text for a terminal: all of one, or a few screens in which what is alike is folded.
 
-use super::developed::DevelopedNode;
 use super::patch::RadiosityTerms;
 use super::raster_text::write_raster;
 use super::ray_text::{levels_of, write_ray};
@@ -76,7 +75,7 @@ impl PixelTree {
             writeln!(w, "pixel = weighted mean of {} samples", self.samples.len());
         }
         write_equal(&mut w, self.sum(), "rendered pixel    ", self.color);
-        write_developed(&mut w, &self.developed, self.color);
+        self.developed.write(&mut w, self.color);
         w.text
     }
 
@@ -202,19 +201,6 @@ pub(super) fn write_equal(w: &mut TextWriter, sum: Rgb, name: &str, rendered: Rg
     let equal = if sum == rendered { "equal, bit for bit" } else { "NOT equal: this is a bug" };
     writeln!(w, "sum of the terms  {}", w.rgb(sum));
     writeln!(w, "{name}{}  ({equal})", w.rgb(rendered));
-}
-
-pub(super) fn write_developed(w: &mut TextWriter, developed: &DevelopedNode, linear: Rgb) {
-    let DevelopedNode { tone, transfer, values } = developed;
-    let Some(values) = values else {
-        writeln!(w, "tone \"{tone}\" divides by the picture's largest component, which one pixel doesn't tell");
-        return;
-    };
-    let changed = if values.toned == linear { "" } else { ", each component between 0 and 1" };
-    writeln!(w, "tone \"{tone}\"{changed}: {}", w.rgb(values.toned));
-    writeln!(w, "transfer \"{transfer}\": {}", w.rgb(values.displayed));
-    let [r, g, b] = values.bytes;
-    writeln!(w, "bytes in the file {r} {g} {b}  (#{r:02x}{g:02x}{b:02x})");
 }
 
 #[cfg(test)]

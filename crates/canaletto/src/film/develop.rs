@@ -1,49 +1,84 @@
 //! Developing: from linear light to the numbers that a display file holds.
 
-use super::{Picture, srgb};
+use super::{Agx, PbrNeutral, Picture, metered_exposure, srgb};
 use crate::math::Rgb;
-use crate::scene::{Tone, Transfer};
+use crate::scene::{Developing, Exposure, Tone, Transfer};
 use rayon::prelude::*;
 
 /// The map from a picture's linear colours to display values.
 #[derive(Clone, Copy, Debug)]
 pub struct Developer {
+    /// The factor of the exposure.
+    exposure: f32,
+    tone: Tone,
+    /// What [`Tone::Scale`] multiplies exposed light by; 1 for other tones.
     scale: f32,
     transfer: Transfer,
 }
 
 impl Developer {
-    /// The developer of this picture.
-    pub fn new(picture: &Picture, tone: Tone, transfer: Transfer) -> Developer {
+    /// The developer of this picture, in which what depends on a whole picture is measured.
+    pub fn new(picture: &Picture, developing: &Developing) -> Developer {
+        let Developing { exposure, tone, transfer } = *developing;
+        let stops = match exposure {
+            Exposure::Stops(stops) => stops,
+            Exposure::Auto => metered_exposure(picture),
+        };
+        let exposure = libm::exp2f(stops);
         let scale = match tone {
-            Tone::Clamp => 1.0,
             Tone::Scale => {
-                let largest = picture.pixels.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max);
+                let largest = picture.pixels.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max) * exposure;
                 if largest > 1.0 { 1.0 / largest } else { 1.0 }
             }
+            Tone::Clamp | Tone::Agx | Tone::PbrNeutral => 1.0,
         };
-        Developer { scale, transfer }
+        Developer { exposure, tone, scale, transfer }
     }
 
-    /// Develops components of the picture's colours into display values in [0, 1], in place.
-    pub fn develop(&self, values: &mut [f32]) {
-        values.iter_mut().for_each(|v| *v *= self.scale);
-        display_all(values, self.transfer);
+    /// Develops the picture's colours into display values in [0, 1], in place.
+    pub fn develop(&self, colors: &mut [[f32; 3]]) {
+        self.tone(colors);
+        display_all(colors.as_flattened_mut(), self.transfer);
+    }
+
+    /// Exposes colours and maps their tones, in place. They are linear light, and may be beyond [0, 1] a little.
+    pub fn tone(&self, colors: &mut [[f32; 3]]) {
+        let curve: fn(Rgb) -> Rgb = match self.tone {
+            Tone::Clamp | Tone::Scale => {
+                let values = colors.as_flattened_mut();
+                return values.iter_mut().for_each(|v| *v = *v * self.exposure * self.scale);
+            }
+            Tone::Agx => |color| Agx::of(color).linear,
+            Tone::PbrNeutral => |color| PbrNeutral::of(color).linear,
+        };
+        for color in colors {
+            *color = curve(self.exposed(Rgb::from(*color))).to_array();
+        }
+    }
+
+    /// The exposed light of a colour as tone curves take it: finite and not negative.
+    pub fn exposed(&self, color: Rgb) -> Rgb {
+        // NaN becomes black, as without a curve.
+        color.map(|v| (v * self.exposure).max(0.0).min(f32::MAX))
+    }
+
+    /// Colours as display values in [0, 1].
+    pub fn developed(&self, colors: &[Rgb]) -> Vec<Rgb> {
+        let mut shown = colors.to_vec();
+        shown.par_chunks_mut(256).for_each(|part| {
+            let mut values = [[0.0; 3]; 256];
+            let values = &mut values[..part.len()];
+            values.iter_mut().zip(&*part).for_each(|(value, color)| *value = color.to_array());
+            self.develop(values);
+            part.iter_mut().zip(values).for_each(|(color, value)| *color = Rgb::from(*value));
+        });
+        shown
     }
 }
 
 /// The picture's colours as display values in [0, 1], the top row first.
-pub fn develop(picture: &Picture, tone: Tone, transfer: Transfer) -> Vec<Rgb> {
-    let developer = Developer::new(picture, tone, transfer);
-    let mut shown = picture.pixels.clone();
-    shown.par_chunks_mut(256).for_each(|part| {
-        let mut values = [[0.0; 3]; 256];
-        let values = &mut values[..part.len()];
-        values.iter_mut().zip(&*part).for_each(|(value, color)| *value = color.to_array());
-        developer.develop(values.as_flattened_mut());
-        part.iter_mut().zip(values).for_each(|(color, value)| *color = Rgb::from(*value));
-    });
-    shown
+pub fn develop(picture: &Picture, developing: &Developing) -> Vec<Rgb> {
+    Developer::new(picture, developing).developed(&picture.pixels)
 }
 
 /// Clamps values to [0, 1] and encodes them as display values.
@@ -71,14 +106,37 @@ mod tests {
         Picture { pixels: colors.to_vec(), ..Picture::new(colors.len() as u32, 1) }
     }
 
+    fn developing(tone: Tone) -> Developing {
+        Developing { tone, transfer: Transfer::None, ..Developing::default() }
+    }
+
     #[test]
     fn clamp_cuts_and_scale_divides() {
         let p = picture(&[Rgb::new(1.3, 1.0, 0.9), Rgb::new(0.65, 0.0, 2.6)]);
-        assert_eq!(develop(&p, Tone::Clamp, Transfer::None)[0], Rgb::new(1.0, 1.0, 0.9)); // the chapter's example
-        let scaled = develop(&p, Tone::Scale, Transfer::None);
+        assert_eq!(develop(&p, &developing(Tone::Clamp))[0], Rgb::new(1.0, 1.0, 0.9)); // the chapter's example
+        let scaled = develop(&p, &developing(Tone::Scale));
         assert!((scaled[0].r - 0.5).abs() < 1e-6 && scaled[1].b == 1.0);
         let dim = picture(&[Rgb::gray(0.25)]);
-        assert_eq!(develop(&dim, Tone::Scale, Transfer::None)[0], Rgb::gray(0.25));
+        assert_eq!(develop(&dim, &developing(Tone::Scale))[0], Rgb::gray(0.25));
+    }
+
+    /// A stop doubles light before every tone, and `auto` is the stops that it meters.
+    #[test]
+    fn exposure_comes_first() {
+        let light = [Rgb::new(0.1, 0.4, 0.2), Rgb::new(0.02, 0.0, 0.9), Rgb::gray(3.0), Rgb::new(0.3, 0.1, 0.05)];
+        let doubled = picture(&light.map(|c| c * 2.0));
+        let light = picture(&light);
+        for &tone in <Tone as crate::Named>::ALL {
+            let with = |exposure| Developing { exposure, ..developing(tone) };
+            assert_eq!(develop(&light, &with(Exposure::Stops(1.0))), develop(&doubled, &developing(tone)), "{tone:?}");
+            let stops = Exposure::Stops(metered_exposure(&light));
+            assert_eq!(develop(&light, &with(Exposure::Auto)), develop(&light, &with(stops)), "{tone:?}");
+        }
+        let odd = picture(&[Rgb::new(f32::NAN, f32::INFINITY, -1.0), Rgb::gray(f32::MAX)]);
+        for &tone in <Tone as crate::Named>::ALL {
+            let shown = develop(&odd, &Developing { exposure: Exposure::Stops(60.0), ..developing(tone) });
+            assert!(shown.iter().all(|c| c.to_array().iter().all(|v| (0.0..=1.0).contains(v))), "{tone:?} {shown:?}");
+        }
     }
 
     #[test]

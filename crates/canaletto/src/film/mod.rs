@@ -2,6 +2,7 @@
 //! of a file.
 
 mod develop;
+mod exposure;
 mod filter;
 mod half_buffers;
 mod picture;
@@ -9,12 +10,15 @@ mod sample_blocks;
 mod sample_statistics;
 mod srgb;
 mod tile_buffer;
+mod tone;
 
 pub(crate) use develop::display_all;
 pub use develop::{Developer, develop, srgb_encode};
+pub use exposure::metered_exposure;
 pub use filter::{Division, FilterTable, Part};
 pub use half_buffers::HalfBuffers;
 pub use picture::{Layer, Picture};
 pub use sample_blocks::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, BlockMean, SampleBlocks, block_sizes};
 pub use sample_statistics::{SamplePlace, SampleStatistics};
 pub(crate) use tile_buffer::{Accumulation, TileBuffer, WeightedSum};
+pub use tone::{Agx, PbrNeutral};

@@ -2,29 +2,46 @@
 
 use super::mistake::{Mistake, form};
 use super::tracer::TracerSettings;
-use crate::film::srgb_encode;
-use crate::scene::{FilmSettings, Tone, Transfer};
+use crate::film::{Agx, PbrNeutral, Picture, metered_exposure, srgb_encode};
+use crate::math::Rgb;
+use crate::scene::{Developing, Exposure, Tone, Transfer};
 use glam::DVec3;
 
 /// The largest error of a pixel in steps of 8 bits. A pixel that is quite wrong counts no more than one that is wrong.
 const MOST: f64 = 40.0;
 
 /// Develops linear colours into display values from 0 to 1.
-pub(super) fn displayed(colors: &[DVec3], film: &FilmSettings, settings: &TracerSettings) -> Vec<DVec3> {
-    let scale = match film.tone {
-        Tone::Clamp => 1.0,
-        Tone::Scale => {
-            let largest = colors.iter().map(|c| c.max_element()).fold(0.0, f64::max);
-            if largest > 1.0 { 1.0 / largest } else { 1.0 }
+pub(super) fn displayed(colors: &[DVec3], developing: &Developing, settings: &TracerSettings) -> Vec<DVec3> {
+    let exposure = match developing.exposure {
+        Exposure::Stops(stops) => libm::exp2(f64::from(stops)),
+        Exposure::Auto => {
+            let pixels = colors.iter().map(|c| Rgb::from(c.as_vec3().to_array())).collect();
+            let picture = Picture { pixels, ..Picture::new(colors.len() as u32, 1) };
+            libm::exp2(f64::from(metered_exposure(&picture)))
         }
+    };
+    let scale = match developing.tone {
+        Tone::Scale => {
+            let largest = colors.iter().map(|c| c.max_element() * exposure).fold(0.0, f64::max);
+            if largest > 1.0 { exposure / largest } else { exposure }
+        }
+        Tone::Clamp | Tone::Agx | Tone::PbrNeutral => exposure,
+    };
+    let toned = |c: DVec3| {
+        let exposed = Rgb::from(c.max(DVec3::ZERO).min(DVec3::splat(f32::MAX.into())).as_vec3().to_array());
+        let linear = match developing.tone {
+            Tone::Clamp | Tone::Scale => return c,
+            Tone::Agx => Agx::of(exposed).linear,
+            Tone::PbrNeutral => PbrNeutral::of(exposed).linear,
+        };
+        DVec3::from(linear.to_array().map(f64::from))
     };
     let overflows = settings.amount(Mistake::Overflow).is_some();
     let swapped = settings.amount(Mistake::SwappedChannels).is_some();
     let gamma = settings.amount(Mistake::Gamma);
     let value = |v: f64| {
-        let v = v * scale;
         let v = if overflows { wrapped(v) } else { v.clamp(0.0, 1.0) };
-        let v = if film.transfer == Transfer::Srgb { f64::from(srgb_encode(v as f32)) } else { v };
+        let v = if developing.transfer == Transfer::Srgb { f64::from(srgb_encode(v as f32)) } else { v };
         match gamma {
             Some(form::EXTRA_CURVE) => f64::from(srgb_encode(v as f32)),
             Some(form::UNDONE_CURVE) => srgb_decode(v),
@@ -34,6 +51,7 @@ pub(super) fn displayed(colors: &[DVec3], film: &FilmSettings, settings: &Tracer
         }
     };
     let develop = |c: &DVec3| {
+        let c = toned(*c * scale);
         let shown = DVec3::new(value(c.x), value(c.y), value(c.z));
         if swapped { DVec3::new(shown.z, shown.y, shown.x) } else { shown }
     };

@@ -36,8 +36,7 @@ pub(super) fn own_error(
     if !rendering.complete {
         return Ok(None);
     }
-    let own: Vec<[f32; 3]> =
-        develop(&rendering.picture, job.film.tone, job.film.transfer).iter().map(|c| c.to_array()).collect();
+    let own: Vec<[f32; 3]> = develop(&rendering.picture, &job.developing()).iter().map(|c| c.to_array()).collect();
     let is_noisy = left_out.iter().any(|word| *word != FILTERING);
     let [own, theirs] =
         [&own, &student.pixels].map(|pixels| means(pixels, student.width as usize, if is_noisy { 2 } else { 0 }));

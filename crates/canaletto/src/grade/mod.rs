@@ -198,7 +198,7 @@ impl Grader<'_> {
     /// The display values at one place of each pixel.
     fn shown_at(&self, settings: TracerSettings, pixels: &[u32], place: [f64; 2], all_blocked: bool) -> Vec<DVec3> {
         let places: Vec<_> = pixels.iter().map(|pixel| (*pixel, place)).collect();
-        displayed(&self.colors(settings, &places, all_blocked), &self.job.film, &settings)
+        displayed(&self.colors(settings, &places, all_blocked), &self.job.developing(), &settings)
     }
 
     /// The display values of pixels: at edges a range, elsewhere those at the rays' own place.
@@ -207,7 +207,7 @@ impl Grader<'_> {
         let places_of = |pixel: u32| if self.edges[pixel as usize] { &PLACES[..] } else { &own };
         let places: Vec<_> =
             pixels.iter().flat_map(|pixel| places_of(*pixel).iter().map(|place| (*pixel, *place))).collect();
-        let values = displayed(&self.colors(settings, &places, false), &self.job.film, &settings);
+        let values = displayed(&self.colors(settings, &places, false), &self.job.developing(), &settings);
         let mut rest = &values[..];
         let range = |pixel: &u32| {
             let (own, others) = rest.split_at(places_of(*pixel).len());

@@ -7,7 +7,7 @@ pub use aov::Aov;
 pub use observer::{Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
 
 use crate::camera::Camera;
-use crate::scene::{FilmSettings, Filter, Integrator, SamplerKind, Sampling, WhittedSettings};
+use crate::scene::{Developing, FilmSettings, Filter, Guiding, Integrator, SamplerKind, Sampling, WhittedSettings};
 use crate::world::World;
 use crate::{Named, OutOfRange};
 use canaletto_bvh::NoThreads;
@@ -18,7 +18,8 @@ use glam::DVec3;
 pub struct Job {
     /// The camera.
     pub camera: Camera,
-    /// The settings for sampling pixels. Tone and transfer affect only adaptive sampling: pictures stay linear.
+    /// The settings for sampling pixels. Pictures stay linear. Of developing, only the transfer affects them, and only
+    /// with adaptive sampling.
     pub film: FilmSettings,
     /// The integrator that makes the picture.
     pub integrator: Integrator,
@@ -239,6 +240,31 @@ impl Job {
     pub(crate) fn relative_to(&self, world: &World) -> Option<Job> {
         let origin = world.origin();
         (origin != DVec3::ZERO).then(|| Job { camera: self.camera.relative_to(origin), ..self.clone() })
+    }
+
+    /// How the picture is developed for display.
+    pub fn developing(&self) -> Developing {
+        self.film.developing(&self.integrator)
+    }
+
+    /// The job of a small picture of all that the camera sees, in which [`Exposure::Auto`](crate::scene::Exposure::Auto)
+    /// is metered. It depends on neither crop, samples nor seed. All pictures of a scene have one exposure so: parts,
+    /// previews, pixels that are explained, and pictures that are added up.
+    pub fn metering(&self) -> Job {
+        /// The longer side in pixels, and the rays of a pixel.
+        const SIDE: u32 = 48;
+        const SAMPLES: u32 = 32;
+        let [width, height] = self.camera.size().map(f64::from);
+        let share = f64::from(SIDE) / width.max(height);
+        let size = [width, height].map(|side| ((side * share).round() as u32).max(1));
+        let film = FilmSettings { sampling: Sampling::Sampled(SAMPLES), ..FilmSettings::default() };
+        let mut integrator = self.integrator;
+        if let Some(path) = integrator.path_mut() {
+            // Learning would take longer than the picture.
+            path.guiding = Guiding::Off;
+        }
+        let camera = self.camera.resized(size);
+        Job { frame: self.frame, tile: 8, clamp: self.clamp, ..Job::new(camera, film, integrator) }
     }
 
     /// The area to render: x and y (from the top left), width and height, in pixels.

@@ -1,7 +1,10 @@
 //! The sampling, reconstruction and developing of a picture.
 
+use super::Integrator;
 use crate::named;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 
 /// Settings of the film.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -14,8 +17,11 @@ pub struct FilmSettings {
     pub sampler: SamplerKind,
     /// The reconstruction filter.
     pub filter: Filter,
-    /// The treatment of values over 1.
-    pub tone: Tone,
+    /// The exposure. Without it, that of [`FilmSettings::developing`].
+    #[serde(default)]
+    pub exposure: Option<Exposure>,
+    /// The tone mapping. Without it, that of [`FilmSettings::developing`].
+    pub tone: Option<Tone>,
     /// The transfer from linear light to the numbers in an 8- or 16-bit file.
     pub transfer: Transfer,
     /// The only part of the picture to render: x, y (from the top left), width, height in pixels.
@@ -170,21 +176,104 @@ impl Filter {
     pub const DEFAULT_SIGMA: f32 = 0.5;
 }
 
-/// The treatment of values over 1 (after 5.36).
+/// How much light a picture takes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Exposure {
+    /// Linear light is multiplied by 2 to the power of this number, as photographers count.
+    Stops(f32),
+    /// The stops are metered in the picture ([`metered_exposure`](crate::film::metered_exposure)).
+    Auto,
+}
+
+impl Default for Exposure {
+    fn default() -> Exposure {
+        Exposure::Stops(0.0)
+    }
+}
+
+impl Exposure {
+    /// The word for [`Exposure::Auto`] in scene text, on the command line and in metadata.
+    pub const AUTO: &'static str = "auto";
+    /// The most stops up or down.
+    pub const MOST_STOPS: f32 = 64.0;
+
+    /// An exposure of so many stops, if they are at most [`Exposure::MOST_STOPS`] up or down.
+    pub fn stops(stops: f32) -> Option<Exposure> {
+        (stops.abs() <= Exposure::MOST_STOPS).then_some(Exposure::Stops(stops))
+    }
+}
+
+/// The stops, or the word.
+impl fmt::Display for Exposure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Exposure::Stops(stops) => stops.fmt(f),
+            Exposure::Auto => f.write_str(Exposure::AUTO),
+        }
+    }
+}
+
+/// Reads what [`Display`](fmt::Display) writes.
+impl FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Exposure, String> {
+        match text.trim() {
+            Exposure::AUTO => Ok(Exposure::Auto),
+            text => text.parse().ok().and_then(Exposure::stops).ok_or_else(|| {
+                format!("write a number of stops from -{most} to {most}, or auto", most = Exposure::MOST_STOPS)
+            }),
+        }
+    }
+}
+
+/// The mapping of exposed linear light to the range 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Tone {
-    /// Each component is clamped to 1.
+    /// Each component is clamped to 1 (after 5.36).
     #[default]
     Clamp,
-    /// The picture is divided by its largest component if that exceeds 1.
+    /// The picture is divided by its largest component if that exceeds 1 (after 5.36).
     Scale,
+    /// Sobotka's AgX, a filmic curve over 16.5 stops ([`Agx`](crate::film::Agx)).
+    Agx,
+    /// Khronos' PBR Neutral, which keeps the colours of materials
+    /// ([`PbrNeutral`](crate::film::PbrNeutral)).
+    PbrNeutral,
 }
 
 named!(Tone {
     Clamp => "clamp": "Each component is cut at 1",
     Scale => "scale": "The picture is divided by its largest component",
+    Agx => "agx": "AgX, a filmic curve: bright colours fade to white as in a photo",
+    PbrNeutral => "pbr-neutral": "Khronos' PBR Neutral: colours of materials stay, highlights are compressed",
 });
+
+/// The way from linear light to the numbers of a display file: exposure, tone, transfer, in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Developing {
+    /// The exposure.
+    pub exposure: Exposure,
+    /// The tone mapping.
+    pub tone: Tone,
+    /// The transfer curve.
+    pub transfer: Transfer,
+}
+
+impl FilmSettings {
+    /// How the integrator's pictures are developed. Path tracing has the range of real light, with windows and lamps far
+    /// over 1. Without a tone its pictures therefore have `pbr-neutral`. Others have `clamp`, and so have pictures
+    /// without a transfer curve, whose numbers are to be read. The exposure is 0.
+    pub fn developing(&self, integrator: &Integrator) -> Developing {
+        let has_range = matches!(integrator, Integrator::Path(_)) && self.transfer == Transfer::Srgb;
+        let tone = self.tone.unwrap_or(if has_range { Tone::PbrNeutral } else { Tone::Clamp });
+        Developing { exposure: self.exposure.unwrap_or_default(), tone, transfer: self.transfer }
+    }
+}
 
 /// The transfer from linear light to the numbers in an 8- or 16-bit file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

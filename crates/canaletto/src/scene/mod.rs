@@ -14,7 +14,7 @@ mod radiosity;
 mod sparse;
 
 pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
-pub use film::{FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
+pub use film::{Developing, Exposure, FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
 pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};
 pub use node::{Content, Node};

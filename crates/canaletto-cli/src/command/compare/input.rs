@@ -2,9 +2,13 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
+use crate::metering::METERED_EXPOSURE;
 use crate::picture_file::read_picture;
 use crate::settings::list;
-use canaletto::scene::Transfer;
+use canaletto::Named;
+use canaletto::film::{Developer, Picture};
+use canaletto::math::Rgb;
+use canaletto::scene::{Developing, Exposure, Tone, Transfer};
 use canaletto_io::picture::{Decoded, Image, decode_srgb, encode_srgb};
 use canaletto_io::text::closest_word;
 use std::path::Path;
@@ -66,15 +70,28 @@ impl Input {
         self.decoded.display_referred.then_some(if self.decoded.bits > 8 { 65535.0 } else { 255.0 })
     }
 
-    /// The picture encoded for display. An EXR is rounded to the bits of the PNG that it is compared with.
-    pub(in crate::command) fn seen(&self, curve: Transfer, steps: Option<f32>) -> Image {
+    /// How a PNG of this program was developed before its transfer curve.
+    pub(in crate::command) fn exposure_and_tone(&self) -> Option<(Exposure, Tone)> {
+        let text = |key: &str| self.decoded.metadata.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
+        let tone = Tone::from_name(text("tone")?).filter(|_| self.decoded.display_referred)?;
+        let exposure = text(METERED_EXPOSURE).or(text("exposure")).and_then(|text| text.parse().ok());
+        Some((exposure.unwrap_or_default(), tone))
+    }
+
+    /// The picture for display. An EXR is developed, and rounded to the bits of the PNG that it is compared with.
+    pub(in crate::command) fn seen(&self, developing: &Developing, steps: Option<f32>) -> Image {
         let image = self.decoded.image.clone();
         if self.decoded.display_referred {
             return image;
         }
+        let image = if (developing.exposure, developing.tone) == (Exposure::default(), Tone::Clamp) {
+            image
+        } else {
+            toned(image, developing)
+        };
         image.map_color(|v| {
             let v = if v.is_nan() { v } else { v.clamp(0.0, 1.0) };
-            let v = if curve == Transfer::Srgb { encode_srgb(v) } else { v };
+            let v = if developing.transfer == Transfer::Srgb { encode_srgb(v) } else { v };
             steps.map_or(v, |steps| (v * steps).round() / steps)
         })
     }
@@ -84,4 +101,25 @@ impl Input {
         let Decoded { image, display_referred, .. } = self.decoded;
         if !display_referred || curve == Transfer::None { image } else { image.map_color(decode_srgb) }
     }
+}
+
+/// An image in linear light with its exposure and tone. NaN stays, so that a comparison finds it.
+fn toned(image: Image, developing: &Developing) -> Image {
+    let Some([r, g, b]) = image.rgb() else { return image };
+    let pixels: Vec<Rgb> = (0..r.len()).map(|i| Rgb::new(r[i], g[i], b[i])).collect();
+    let picture = Picture { pixels, ..Picture::new(image.width, image.height) };
+    let developer = Developer::new(&picture, developing);
+    let mut colors: Vec<[f32; 3]> = picture.pixels.iter().map(|color| color.to_array()).collect();
+    developer.tone(&mut colors);
+    for (color, linear) in colors.iter_mut().zip(&picture.pixels) {
+        for (value, linear) in color.iter_mut().zip(linear.to_array()) {
+            if linear.is_nan() {
+                *value = linear;
+            }
+        }
+    }
+    let others = image.channels.into_iter().filter(|c| !["R", "G", "B", "Y"].contains(&c.name.as_str()));
+    let mut shown = Image::from_rgb(picture.width, picture.height, colors.into_iter());
+    shown.channels.extend(others);
+    shown
 }

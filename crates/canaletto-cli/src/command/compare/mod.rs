@@ -10,7 +10,7 @@ use crate::flags;
 use crate::output::{unfit, write_file};
 use crate::output_format::Format;
 use crate::stdout::{print, print_json};
-use canaletto::scene::Transfer;
+use canaletto::scene::{Developing, Transfer};
 use canaletto::{Named, named};
 use canaletto_io::picture::{
     Comparison, EncodeSettings, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
@@ -24,8 +24,8 @@ use std::path::{Path, PathBuf};
 /// Compares two pictures by RMSE, PSNR, largest difference, SSIM and FLIP, and by their alpha and layers.
 ///
 /// The formats are PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM. Display values from 0 to 1 are compared. A PNG
-/// stores them. An EXR is clamped to 0 to 1, gets the transfer curve of the other picture and is rounded to its bits.
-/// The curve is sRGB if the other picture declares none or is an EXR. Equal pictures also have equal alpha, layers,
+/// stores them. An EXR is developed as the other picture was and rounded to its bits: exposure and tone are those that
+/// the other file names, or 0 and clamp; the transfer curve is sRGB if it declares none or is an EXR. Equal pictures also have equal alpha, layers,
 /// declared curves and places in a larger picture. What only one picture has is listed. Two EXRs with equal display
 /// values differ if their linear light differs.
 #[derive(Args, Clone, Debug)]
@@ -166,8 +166,12 @@ pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     let (seen_a, seen_b) = if raw {
         (a.decoded.image.clone(), b.decoded.image.clone())
     } else {
-        let seen_a = a.seen(curve_a.or(curve_b).unwrap_or(default), b.steps());
-        (seen_a, b.seen(curve_b.or(curve_a).unwrap_or(default), a.steps()))
+        let developing = |of: &Input, curve: Option<Transfer>| {
+            let (exposure, tone) = of.exposure_and_tone().unwrap_or_default();
+            Developing { exposure, tone, transfer: curve.unwrap_or(default) }
+        };
+        let seen_a = a.seen(&developing(&b, curve_a.or(curve_b)), b.steps());
+        (seen_a, b.seen(&developing(&a, curve_b.or(curve_a)), a.steps()))
     };
     let mut result = compare(&seen_a, &seen_b, PIXELS_PER_DEGREE).map_err(wrong)?;
     let left_out = [a.decoded.left_out.clone(), b.decoded.left_out.clone()];

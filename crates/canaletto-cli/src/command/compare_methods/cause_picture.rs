@@ -7,7 +7,7 @@ use crate::legend::{INK, MARGIN, PAPER, wrapped};
 use canaletto::Named;
 use canaletto::causes::Cause;
 use canaletto::film::Picture;
-use canaletto::scene::FilmSettings;
+use canaletto::scene::Developing;
 use canaletto_io::picture::{CHARACTER_WIDTH, Canvas, Image, LINE_HEIGHT, text_width};
 
 /// The colour of a cause: those of Okabe and Ito (2008), which colour-blind people tell apart, then wine and white.
@@ -85,7 +85,7 @@ pub(super) fn cause_picture(
     reference: &str,
     comparisons: &[MethodComparison],
     picture: &Picture,
-    film: &FilmSettings,
+    developing: &Developing,
 ) -> Image {
     let scale = (picture.width / 800).clamp(1, 8);
     let character = CHARACTER_WIDTH * scale;
@@ -96,7 +96,7 @@ pub(super) fn cause_picture(
     let strip = |legend: &Legend| (legend.lines(characters) * LINE_HEIGHT + 2 * MARGIN) * scale;
     let height = legends.iter().map(|legend| picture.height + strip(legend)).sum();
     let mut canvas = Canvas::new(width, height, PAPER);
-    let image = developed(picture, film);
+    let image = developed(picture, developing);
     let mut top = 0;
     for (comparison, legend) in comparisons.iter().zip(&legends) {
         draw_pixels(&mut canvas, top, comparison, &image);

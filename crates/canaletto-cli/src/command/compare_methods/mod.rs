@@ -11,6 +11,7 @@ use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, SourceFlags, named};
 use crate::format::bytes;
 use crate::frame_writer::window;
+use crate::metering::{is_metered, meter};
 use crate::omissions::doubt_omissions;
 use crate::output::{Output, OutputFlags, unfit};
 use crate::progress::ProgressDisplay;
@@ -24,7 +25,7 @@ use canaletto::film::Picture;
 use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution};
 use canaletto::memory;
 use canaletto::render::{Job, JobError, Rendering, render, render_with_solution};
-use canaletto::scene::Integrator;
+use canaletto::scene::{Developing, Exposure, Integrator};
 use canaletto::world::World;
 use canaletto_io::picture::{EncodeSettings, PictureFormat, Rendered};
 use canaletto_io::text::closest_word;
@@ -175,9 +176,8 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         let settings = Settings::new(&source.name, &source.scene, &picture)?;
         settings.check_pixels()?;
         let job = Job { frame, ..settings.job.clone() };
-        let texts = texts(&metadata(&flags.source, &settings), &job, None);
         let file = output.layer_path(frame, integrator.name());
-        methods.push(Method { integrator, job, texts, file });
+        methods.push(Method { integrator, job, texts: Vec::new(), file });
         camera = settings.camera;
     }
     let file = output.path(frame);
@@ -192,16 +192,25 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     for method in &methods {
         flags.messages.warn(&doubt_omissions(&source.name, &world, &method.job));
     }
+    let reference = reference(&methods);
+    let job = &methods[reference].job;
+    let stops = if is_metered(job) { Some(meter(&source.name, &world, job, None)?) } else { None };
+    let Developing { exposure, tone, transfer } = job.developing();
+    let exposure = stops.map_or(exposure, Exposure::Stops);
+    for method in &mut methods {
+        let film = &mut method.job.film;
+        (film.exposure, film.tone, film.transfer) = (Some(exposure), Some(tone), transfer);
+        method.texts = method_texts(&flags.source, &camera, &method.job);
+    }
     let work = MethodsWork { flags, name: &source.name, world: &world, output: &output, format };
     let (pictures, solution) = work.render(&methods)?;
-    let reference = reference(&methods);
     let comparisons = work.compare(&methods, &pictures, solution.as_ref(), reference)?;
     let shown = cause_picture(
         &source.name,
         methods[reference].integrator.name(),
         &comparisons,
         &pictures[reference],
-        &methods[reference].job.film,
+        &methods[reference].job.developing(),
     );
     let texts = [("methods".to_owned(), methods.iter().map(|m| m.integrator.name()).collect::<Vec<_>>().join(" "))];
     output.write_drawing(&file, format, shown, &texts)?;
@@ -217,6 +226,12 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         file,
         comparisons,
     })
+}
+
+/// The texts in the file of a method's picture.
+fn method_texts(source: &SourceFlags, camera: &str, job: &Job) -> Vec<(String, String)> {
+    let settings = Settings { job: job.clone(), camera: camera.to_owned() };
+    texts(&metadata(source, &settings), job, None)
 }
 
 /// Checks that the methods can be compared.
@@ -285,7 +300,7 @@ impl MethodsWork<'_> {
             if !rendering.complete {
                 return Err(interrupted());
             }
-            let rendered = Rendered { picture: &rendering.picture, film: &method.job.film };
+            let rendered = Rendered { picture: &rendering.picture, developing: method.job.developing() };
             let settings = EncodeSettings { window: Some(window(&method.job)), ..self.output.settings };
             let bytes = self.format.encode(&rendered, &settings, &method.texts, &|| true);
             self.output.write(&method.file, &bytes.map_err(|e| unfit(&e))?)?;

@@ -7,6 +7,7 @@ use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
+use crate::metering::METERED_EXPOSURE;
 use crate::output::{check_files, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
@@ -14,10 +15,10 @@ use crate::settings::list;
 use crate::source::on_threads;
 use canaletto::Named;
 use canaletto::denoise::NoisyPicture;
-use canaletto::film::{Picture, develop};
+use canaletto::film::{Picture, develop, metered_exposure};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
-use canaletto::scene::{Tone, Transfer};
+use canaletto::scene::{Developing, Exposure, Tone, Transfer};
 use canaletto_io::diagnostic::visible;
 use canaletto_io::picture::{Decoded, EncodeSettings, Image};
 use clap::Args;
@@ -49,13 +50,17 @@ pub(crate) struct DenoiseFlags {
     #[arg(long, value_name = "NAME", default_value = "good")]
     pub denoiser: Denoiser,
 
-    /// Sets the tone mapping of colours over 1 in a PNG
-    #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), default_value = "clamp")]
-    pub tone: Tone,
+    /// Sets the exposure of a PNG in stops, or auto [default: the one that the picture's file names, or 0]
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true)]
+    pub exposure: Option<Exposure>,
 
-    /// Sets the transfer curve of a PNG
-    #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>(), default_value = "srgb")]
-    pub transfer: Transfer,
+    /// Sets the tone mapping of a PNG [default: the one that the picture's file names, or clamp]
+    #[arg(long, value_name = "HOW", value_parser = named::<Tone>())]
+    pub tone: Option<Tone>,
+
+    /// Sets the transfer curve of a PNG [default: the one that the picture's file names, or srgb]
+    #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>())]
+    pub transfer: Option<Transfer>,
 
     /// Sets the number of threads [default: all processors]
     #[arg(long, value_name = "N")]
@@ -142,18 +147,40 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         format.encode_image(&image, Transfer::None, &settings, &decoded.metadata)
     } else {
         let picture = Picture { pixels: denoised.color.clone(), ..Picture::new(width, height) };
-        let shown = colors(&develop(&picture, flags.tone, flags.transfer));
         let mut texts = decoded.metadata;
-        texts.retain(|(key, _)| key != "transfer");
-        texts.push(("transfer".into(), flags.transfer.name().into()));
+        let developing = flags.developing(&mut texts, &picture);
+        let shown = colors(&develop(&picture, &developing));
         let settings = EncodeSettings { window: None, ..settings };
-        format.encode_image(&Image::from_rgb(width, height, shown.into_iter()), flags.transfer, &settings, &texts)
+        format.encode_image(&Image::from_rgb(width, height, shown.into_iter()), developing.transfer, &settings, &texts)
     };
     write_file(&flags.output, &bytes.map_err(|e| unfit(&e))?)?;
     if !flags.quiet {
         eprint_line(&told(&denoised, time));
     }
     Ok(Exit::Done)
+}
+
+impl DenoiseFlags {
+    /// How the picture is developed: as the flags say, or as the texts of its file do, which get what is chosen.
+    fn developing(&self, texts: &mut Vec<(String, String)>, picture: &Picture) -> Developing {
+        let text = |key: &str| texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
+        let told = text(METERED_EXPOSURE).or(text("exposure")).and_then(|text| text.parse().ok());
+        let exposure = self.exposure.or(told.filter(|_| self.tone.is_none())).unwrap_or_default();
+        let tone = self.tone.or(text("tone").and_then(Tone::from_name)).unwrap_or_default();
+        let transfer = self.transfer.or(text("transfer").and_then(Transfer::from_name)).unwrap_or_default();
+        texts.retain(|(key, _)| !["exposure", METERED_EXPOSURE, "tone", "transfer"].contains(&key.as_str()));
+        texts.push(("tone".into(), tone.name().into()));
+        texts.push(("transfer".into(), transfer.name().into()));
+        let stops = match exposure {
+            Exposure::Stops(stops) => stops,
+            _ => metered_exposure(picture),
+        };
+        let exposure = Exposure::Stops(stops);
+        if exposure != Exposure::default() {
+            texts.push(("exposure".into(), exposure.to_string()));
+        }
+        Developing { exposure, tone, transfer }
+    }
 }
 
 /// Reads a noisy picture. If it has no colours of its own, those of a layer are taken, and a note says so.

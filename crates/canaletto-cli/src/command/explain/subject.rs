@@ -5,6 +5,7 @@ use super::data_url::data_url;
 use crate::command_files::CommandFiles;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
+use crate::metering::metered;
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
@@ -131,6 +132,8 @@ impl<'a> Subject<'a> {
             }
             _ => None,
         };
+        let picture = (&flags.source, &flags.picture);
+        let job = metered(&mut reader, picture, (&world, &job), given.as_ref())?;
         Ok(Subject { flags, name: source.name, world, job, solution: given })
     }
 

@@ -6,6 +6,7 @@ use crate::command::compare::{Input, read};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, PictureSize, SourceFlags};
+use crate::metering::{exposed, is_metered, meter};
 use crate::picture_file::picture_format;
 use crate::settings::{Settings, classic};
 use crate::source::{Reader, build, on_threads, seen_through};
@@ -90,9 +91,10 @@ fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
     }
     settings.check_pixels()?;
     let job = Job { frame, ..settings.job };
-    let student = student_picture(&flags.student, &input, &job)?;
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
     let (world, _) = build(&name, scene, &options, None)?;
+    let job = if is_metered(&job) { exposed(&job, meter(&name, &world, &job, None)?) } else { job };
+    let student = student_picture(&flags.student, &input, &job)?;
     let grade = watched(flags.messages.style(), &name, "grading", &job, |watch| grade(&world, &job, &student, watch))?;
     if !grade.complete {
         return Err(Failure::new(Exit::Interrupted, "interrupted"));
@@ -102,7 +104,7 @@ fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
 
 /// The picture's display values. Linear values are developed as the scene says.
 fn student_picture(path: &Path, input: &Input, job: &Job) -> Result<StudentPicture, Failure> {
-    let image = input.seen(job.film.transfer, None);
+    let image = input.seen(&job.developing(), None);
     let Some([r, g, b]) = image.rgb() else {
         return Err(Failure::new(Exit::Scene, format!("{} has no colours", path.display())));
     };

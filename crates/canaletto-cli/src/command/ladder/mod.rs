@@ -9,6 +9,7 @@ use crate::failure::Failure;
 use crate::flags::{MessageFlags, PictureFlags, SourceFlags};
 use crate::format::{JSON_VERSION, bytes, count, plural};
 use crate::layers::developed;
+use crate::metering::{exposed, is_metered, meter};
 use crate::output::{Output, OutputFlags};
 use crate::progress::Style;
 use crate::settings::{Settings, classic, sampling_words};
@@ -116,17 +117,20 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
     let textured = has_textures(&scene);
     let plain = if textured { Some(without_textures(&scene)) } else { None };
-    let work = LadderWork { name: &name, style: flags.messages.style(), job: &job };
     let mut rungs = Vec::new();
     match plain {
         Some(plain) => {
             let (world, _) = build(&name, plain, &options, None)?;
+            let work = LadderWork::new(&name, flags.messages.style(), &world, &job)?;
             work.climb(&world, |rung| !rung.has_textures(), &mut rungs)?;
             drop(world);
             let (world, _) = build(&name, scene, &options, None)?;
             work.climb(&world, Rung::has_textures, &mut rungs)?;
         }
-        None => work.climb(&build(&name, scene, &options, None)?.0, |_| true, &mut rungs)?,
+        None => {
+            let (world, _) = build(&name, scene, &options, None)?;
+            LadderWork::new(&name, flags.messages.style(), &world, &job)?.climb(&world, |_| true, &mut rungs)?;
+        }
     }
     let cells = rungs.iter().enumerate().map(|(index, rung)| Cell {
         image: &rung.image,
@@ -165,10 +169,16 @@ struct LadderWork<'a> {
     /// The scene's name.
     name: &'a str,
     style: Style,
-    job: &'a Job,
+    job: Job,
 }
 
-impl LadderWork<'_> {
+impl<'a> LadderWork<'a> {
+    /// The work on a job. If its exposure is `auto`, it is metered in the world, and all rungs have it.
+    fn new(name: &'a str, style: Style, world: &World, job: &Job) -> Result<LadderWork<'a>, Failure> {
+        let job = if is_metered(job) { exposed(job, meter(name, world, job, None)?) } else { job.clone() };
+        Ok(LadderWork { name, style, job })
+    }
+
     /// Renders the rungs for which `belongs` holds.
     fn climb(
         &self,
@@ -177,12 +187,12 @@ impl LadderWork<'_> {
         rungs: &mut Vec<RungPicture>,
     ) -> Result<(), Failure> {
         for &rung in Rung::ALL.iter().filter(|rung| belongs(**rung)) {
-            let job = rung.job(self.job);
+            let job = rung.job(&self.job);
             let rendering = watched(self.style, self.name, rung.name(), &job, |watch| render(world, &job, watch))?;
             if !rendering.complete {
                 return Err(Failure::new(Exit::Interrupted, "interrupted; no sheet is written"));
             }
-            let image = developed(&rendering.picture, &job.film);
+            let image = developed(&rendering.picture, &job.developing());
             let changed = rungs.last().map(|before| changed_pixels(&before.image, &image));
             rungs.push(RungPicture { rung, job, image, changed });
         }

@@ -10,7 +10,7 @@ use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
 use bands::Shape;
 use canaletto::film::{Developer, Picture};
-use canaletto::scene::{FilmSettings, Transfer};
+use canaletto::scene::{Developing, Transfer};
 use std::fmt::Display;
 use std::io::Write;
 use std::ops::Range;
@@ -34,7 +34,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
             whole_ids: false,
         },
         encode: |rendered, settings, texts, goes_on| {
-            develop_png(rendered.picture, rendered.film, PngSettings::from(settings), texts, goes_on)
+            develop_png(rendered.picture, &rendered.developing, PngSettings::from(settings), texts, goes_on)
         },
         encode_image: |image, transfer, settings, texts| {
             encode_png(image, PngSettings::from(settings), transfer, texts)
@@ -165,14 +165,14 @@ fn encode_png(
     })
 }
 
-/// The bytes of a PNG of a picture in linear light, developed by the settings of its film while `goes_on` returns true.
+/// The bytes of a PNG of a picture in linear light, developed while `goes_on` returns true.
 /// The rest of the picture is black. `metadata` becomes texts.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
 fn develop_png(
     picture: &Picture,
-    film: &FilmSettings,
+    developing: &Developing,
     settings: impl Into<PngSettings>,
     metadata: &[(String, String)],
     goes_on: impl Fn() -> bool + Sync,
@@ -180,12 +180,13 @@ fn develop_png(
     if picture.pixels.is_empty() {
         return Err(no_pixels());
     }
-    let developer = Developer::new(picture, film.tone, film.transfer);
-    encode([picture.width, picture.height], 3, settings.into(), film.transfer, metadata, |range, values| {
+    let developer = Developer::new(picture, developing);
+    encode([picture.width, picture.height], 3, settings.into(), developing.transfer, metadata, |range, values| {
         if !goes_on() {
             return values.fill(0.0);
         }
-        for (value, color) in values.as_chunks_mut().0.iter_mut().zip(&picture.pixels[range]) {
+        let (values, _) = values.as_chunks_mut();
+        for (value, color) in values.iter_mut().zip(&picture.pixels[range]) {
             *value = color.to_array();
         }
         developer.develop(values);
@@ -343,8 +344,8 @@ mod tests {
     fn bands_are_one_picture_whatever_the_threads() {
         let (picture, texts) = (picture(), vec![("seed".to_owned(), "7".to_owned())]);
         for (depth, tone) in [(Depth::Eight, Tone::Clamp), (Depth::Sixteen, Tone::Scale)] {
-            let film = FilmSettings { tone, transfer: Transfer::Srgb, ..FilmSettings::default() };
-            let shown = develop(&picture, film.tone, film.transfer);
+            let film = Developing { tone, ..Developing::default() };
+            let shown = develop(&picture, &film);
             let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
             let [one, many] = [1, 5].map(|threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -357,7 +358,7 @@ mod tests {
                 assert!(a.data.iter().zip(&b.data).all(|(a, b)| a * most == level(*b, most) as f32));
             }
         }
-        assert!(develop_png(&Picture::new(0, 3), &FilmSettings::default(), Depth::Eight, &[], || true).is_err());
+        assert!(develop_png(&Picture::new(0, 3), &Developing::default(), Depth::Eight, &[], || true).is_err());
     }
 
     /// The data of the IDAT chunks.
@@ -379,7 +380,7 @@ mod tests {
         for (picture, fast) in [(picture(), 1.05), (flat, 1.05)] {
             let with = |compression| {
                 let settings = PngSettings { depth: Depth::Eight, compression };
-                stream(&develop_png(&picture, &FilmSettings::default(), settings, &[], || true).unwrap())
+                stream(&develop_png(&picture, &Developing::default(), settings, &[], || true).unwrap())
             };
             let [small, default, large] = [Compression::Best, Compression::Default, Compression::Fast].map(with);
             let mut rows = Vec::new();

@@ -188,10 +188,15 @@ impl Animator<'_> {
         if self.validator.report.count() > 0 || written.is_empty() {
             return None;
         }
-        let numbers = matches!(
-            word.value_type,
-            ValueType::Numbers(_) | ValueType::Rgb | ValueType::Many(_) | ValueType::Count | ValueType::Counts(_)
-        ) && word.name != MATRIX.name();
+        let numbers = match word.value_type {
+            ValueType::Numbers(_) | ValueType::Rgb | ValueType::Many(_) | ValueType::Count | ValueType::Counts(_) => {
+                word.name != MATRIX.name()
+            }
+            ValueType::NumberOrKeyword(_) => {
+                written.iter().flat_map(|key| &key.values).all(|v| v.as_number().is_some())
+            }
+            _ => false,
+        };
         if !numbers {
             if let Some((turn, span)) = &turn {
                 self.validator.report.error(*span, format!("turn \"{}\" is for rotations", turn.name()));

@@ -24,6 +24,8 @@ enum Role {
     /// Numbers with colours among them.
     Colors,
     Eta,
+    /// A number or one of these words.
+    NumberOrWord(&'static [&'static str]),
     Other,
 }
 
@@ -34,6 +36,7 @@ fn role_of(field: &FieldSchema) -> Role {
         ValueType::Numbers(_) if takes_media(field.name) => Role::Eta,
         ValueType::Numbers(_) | ValueType::Count | ValueType::Counts(_) | ValueType::Many(_) => Role::Number,
         ValueType::Node(words) => words.argument.as_ref().map_or(Role::Other, role_of),
+        ValueType::NumberOrKeyword(words) => Role::NumberOrWord(words),
         ValueType::Flag | ValueType::FlagOrKeyword(_) | ValueType::Text | ValueType::Keyword(_) => Role::Other,
     }
 }
@@ -113,7 +116,7 @@ impl Evaluator<'_> {
             let mut values = vec![property.value.clone()];
             match role {
                 Role::Color | Role::Colors => self.colors(&mut values),
-                Role::Number | Role::Eta | Role::Other => {}
+                Role::Number | Role::Eta | Role::NumberOrWord(_) | Role::Other => {}
             }
             if values.len() > 1 {
                 let property = node.properties.remove(index);
@@ -200,6 +203,11 @@ impl Evaluator<'_> {
             if slots.is_some() && text.contains(['{', '}']) {
                 self.insertions(value, at, slots);
             }
+            return;
+        }
+        if let Role::NumberOrWord(words) = role
+            && words.contains(&text)
+        {
             return;
         }
         if let (Role::Eta, Some(eta)) = (role, eta_of(text)) {

@@ -8,7 +8,7 @@ use crate::text::report::Message;
 use crate::text::schema::{Block, Field, NodeSchema, quoted};
 use crate::text::syntax::Span;
 use canaletto::Named;
-use canaletto::scene::{Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
+use canaletto::scene::{Exposure, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
 
 const PLACE: Field<SamplePattern> = Field::word(
     "place",
@@ -57,8 +57,17 @@ const SAMPLER: Field<SamplerKind> = Field::word(
 .or(|| quoted(SamplerKind::default().name()));
 const FILTER_FIELD: Field<Block> =
     Field::block(&FILTER, "how rays become a pixel; see below").or(|| (KIND.schema.default)());
-const TONE: Field<Tone> = Field::word("tone", "values over 1 are cut, or the picture is divided by its largest one")
-    .or(|| quoted(Tone::default().name()));
+const EXPOSURE: Field<Exposure> = Field::new(
+    "exposure",
+    "stops of the exposure: 1 doubles the light, -1 halves it; \"auto\" meters the picture as a camera does",
+)
+.or(|| Exposure::default().to_string());
+const TONE: Field<Tone> = Field::word(
+    "tone",
+    "values over 1 are cut, or the picture is divided by its largest one; or curves: AgX, which is like film, or \
+     Khronos' PBR Neutral, the default of \"path\" with transfer \"srgb\"",
+)
+.or(|| quoted(Tone::default().name()));
 const TRANSFER: Field<Transfer> =
     Field::word("transfer", "from linear light to the numbers in the file: as they are, or the sRGB curve")
         .or(|| quoted(Transfer::default().name()));
@@ -75,17 +84,28 @@ pub(crate) static FILM: NodeSchema = NodeSchema::new(
         SAMPLES.schema,
         SAMPLER.schema,
         FILTER_FIELD.schema,
+        EXPOSURE.schema,
         TONE.schema,
         TRANSFER.schema,
         CROP.schema,
     ]],
 )
-.example("film { samples 64; sampler \"sobol\"; filter \"gaussian\" sigma=0.5; tone \"scale\"; transfer \"srgb\" }");
+.example("film { samples 64; sampler \"sobol\"; filter \"gaussian\"; exposure 0.5; tone \"agx\"; transfer \"srgb\" }");
 
 impl Decoder<'_> {
     pub(super) fn film(&mut self, fields: &Fields) {
         let mut film = self.scene.film;
-        change(&mut film.tone, fields.word(&TONE));
+        if let Some(exposure) = fields.get(&EXPOSURE) {
+            let most = Exposure::MOST_STOPS;
+            if let Exposure::Stops(stops) = exposure
+                && Exposure::stops(stops).is_none()
+            {
+                let message = format!("exposure is {stops} stops; it must be between -{most} and {most}");
+                self.wrong(fields.span(&EXPOSURE), message);
+            }
+            film.exposure = Some(exposure);
+        }
+        change(&mut film.tone, fields.word(&TONE).map(Some));
         change(&mut film.transfer, fields.word(&TRANSFER));
         change(&mut film.crop, fields.get(&CROP).map(Some));
         change(&mut film.sampling, self.sampling(fields));

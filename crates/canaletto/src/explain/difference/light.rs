@@ -139,9 +139,15 @@ impl Walk<'_> {
         if self.is_one_ray {
             self.color("colour of the pixel", None, trees.map(|tree| tree.color));
         }
+        if let [Some(a), Some(b)] = [a.exposure, b.exposure] {
+            self.number("exposure", None, [a, b].map(f64::from));
+        }
         self.words("tone", [a.tone, b.tone]);
         self.words("transfer", [a.transfer, b.transfer]);
         if let ([Some(a), Some(b)], true) = ([a.values, b.values], self.is_one_ray) {
+            if trees.iter().any(|tree| tree.developed.exposure != Some(0.0)) {
+                self.color("exposed colour", None, [a.exposed, b.exposed]);
+            }
             self.color("toned colour", None, [a.toned, b.toned]);
             self.color("displayed colour", None, [a.displayed, b.displayed]);
             self.numbers("bytes", None, [&a.bytes.map(f64::from), &b.bytes.map(f64::from)]);

@@ -281,7 +281,7 @@ pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<Pat
         size: [width, height],
         samples: recorder.into_samples(),
         color,
-        developed: DevelopedNode::new(color, &job.film),
+        developed: DevelopedNode::new(color, &job.developing()),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Arrival, PathRay, PathSample, PathStep, PathTree};
 use crate::explain::patch::RadiosityTerms;
-use crate::explain::text::{write_developed, write_equal};
+use crate::explain::text::write_equal;
 use crate::explain::text_writer::{TextStyle, TextWriter, counted};
 use crate::explain::tree::Side;
 use crate::integrator::{Passage, PathChannel, PathEmitter, PathEnd};
@@ -49,7 +49,7 @@ impl PathTree {
             writeln!(w, "pixel = weighted mean of {} paths", self.samples.len());
         }
         write_equal(&mut w, self.sum(), "rendered pixel    ", self.color);
-        write_developed(&mut w, &self.developed, self.color);
+        self.developed.write(&mut w, self.color);
         w.text
     }
 
