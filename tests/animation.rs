@@ -12,7 +12,7 @@ use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
 use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, WriteOptions, decode};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::SceneDocument;
-use canaletto_tests::root;
+use canaletto_tests::{clamped, root};
 use glam::DVec3;
 use std::fs::{self, File};
 use std::io::BufReader;
@@ -49,7 +49,7 @@ fn picture(frame: u32) -> (Image, FilmSettings) {
     let scene = scene(frame);
     let film = scene.film;
     let picture = rendered(scene, frame);
-    let shown = develop(&picture, film.tone, film.transfer);
+    let shown = develop(&picture, &clamped(&film));
     (Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array())), film)
 }
 
@@ -177,7 +177,7 @@ fn the_blurred_frame_looks_as_it_did() {
     let scene = scene_of(&mut open("bouncing-ball-blurred.kdl", &[]), 9.0);
     let film = scene.film;
     let picture = rendered(scene, 9);
-    let shown = develop(&picture, film.tone, film.transfer);
+    let shown = develop(&picture, &clamped(&film));
     let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
     let path = root().join("docs/pictures/bouncing-ball-blurred.png");
     if std::env::var_os("CANALETTO_BLESS").is_some() {

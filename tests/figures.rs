@@ -11,7 +11,7 @@ use canaletto_io::assets::FolderAssets;
 use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, decode};
 use canaletto_io::text::read_scene;
 use canaletto_tests::reference::Reference;
-use canaletto_tests::root;
+use canaletto_tests::{clamped, root};
 use rayon::prelude::*;
 
 /// The scenes of figures, and whether the reference supports their content: spheres, boxes and omni lights, one ray in
@@ -150,7 +150,7 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
         let scene = scene(place, name);
         let film = scene.film;
         let rendering = picture(scene);
-        let shown = develop(&rendering.picture, film.tone, film.transfer);
+        let shown = develop(&rendering.picture, &clamped(&film));
         let image =
             Image::from_rgb(rendering.picture.width, rendering.picture.height, shown.iter().map(|c| c.to_array()));
         let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
@@ -177,7 +177,7 @@ fn parts_of_large_pictures_look_as_they_did() {
         scene.film.crop = Some(part);
         let film = scene.film;
         let picture = picture(scene).picture;
-        let shown = develop(&picture, film.tone, film.transfer);
+        let shown = develop(&picture, &clamped(&film));
         let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
         let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
         let ours = decode(&png).unwrap().image;

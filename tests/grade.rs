@@ -10,8 +10,8 @@ use canaletto::scene::{Sampling, Scene, Stage};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::text::read_scene;
-use canaletto_tests::root;
 use canaletto_tests::student::{Planted, StudentTracer};
+use canaletto_tests::{clamped, root};
 
 /// The size of all pictures.
 const SIZE: [u32; 2] = [80, 64];
@@ -195,7 +195,7 @@ fn right_pictures_are_right() {
         for sampling in [scene.film.sampling, Sampling::Sampled(16)] {
             scene.film.sampling = sampling;
             let picture = render(&World::build(scene.clone()).unwrap(), &job(&scene), &()).unwrap().picture;
-            let shown = develop(&picture, scene.film.tone, scene.film.transfer);
+            let shown = develop(&picture, &clamped(&scene.film));
             let noisy = |noise: u32| {
                 let pixel = |(i, c): (usize, &canaletto::math::Rgb)| {
                     let random = (i as u32).wrapping_mul(2_654_435_761) >> 16;
@@ -219,7 +219,7 @@ fn right_pictures_of_what_is_left_out_are_right() {
         let scene = scene(&format!("scenes/{name}.kdl"));
         let job = Job { seed: 7, ..job(&scene) };
         let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
-        let shown = develop(&picture, scene.film.tone, scene.film.transfer);
+        let shown = develop(&picture, &clamped(&scene.film));
         let grade = graded(&scene, shown.iter().map(|c| c.to_array()).collect(), StudentPicture::ROUNDED);
         assert!(!grade.left_out.is_empty(), "{name}");
         assert_eq!(grade.verdict, Verdict::Right, "{name}: {:?}", grade.hypotheses);

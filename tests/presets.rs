@@ -9,7 +9,7 @@ use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::picture::{EncodeSettings, Image, PictureFormat, decode};
 use canaletto_io::text::read_scene;
-use canaletto_tests::root;
+use canaletto_tests::{clamped, root};
 use std::fmt::Write;
 
 /// The comment before the table in the page.
@@ -97,7 +97,7 @@ fn the_pictures_of_presets_are_what_paths_see() {
         let camera = Camera::of(&scene.views[0]).unwrap();
         let job = Job::new(camera, scene.film, scene.integrator);
         let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
-        let developed = develop(&picture, scene.film.tone, scene.film.transfer);
+        let developed = develop(&picture, &clamped(&scene.film));
         let image = Image::from_rgb(picture.width, picture.height, developed.iter().map(|c| c.to_array()));
         let bytes =
             PictureFormat::Png.encode_image(&image, scene.film.transfer, &EncodeSettings::default(), &[]).unwrap();

@@ -14,7 +14,7 @@ use canaletto::world::World;
 use std::sync::Arc;
 
 /// The text entry of a picture's file for the stops that `auto` became.
-pub(crate) const METERED_EXPOSURE: &str = "metered-exposure";
+pub(crate) const METERED_EXPOSURE: &str = "auto-exposure";
 
 /// Whether a job's exposure has to be metered.
 pub(crate) fn is_metered(job: &Job) -> bool {

@@ -292,7 +292,7 @@ fn later_files_change_what_they_name() {
     let (scene, _) = read_scene("a.kdl", &assets).unwrap();
     assert_eq!((scene.views.len(), scene.views[0].intrinsics.fovy), (1, 44.0));
     assert_eq!(scene.views[0].extrinsics.eye.z, 7.0);
-    assert_eq!(scene.film.tone, canaletto::scene::Tone::Scale);
+    assert_eq!(scene.film.tone, Some(canaletto::scene::Tone::Scale));
     assert_eq!(scene.film.sampling, canaletto::scene::Sampling::Center);
     assert_eq!(scene.ambient, canaletto::math::Rgb::gray(0.2));
 }
