@@ -151,7 +151,7 @@ mod tests {
         noisy.name = NOISY;
         for layers in [samples.layers(&denoised), vec![noisy]] {
             let picture = Picture { pixels: denoised.clone(), layers, ..Picture::new(2, 2) };
-            let rendered = Rendered { picture: &picture, film: &FilmSettings::default() };
+            let rendered = Rendered { picture: &picture, developing: Developing::default() };
             let texts = [(SAMPLES_TEXT.to_owned(), "64".to_owned())];
             let bytes = PictureFormat::Exr.encode(&rendered, &EncodeSettings::default(), &texts, &|| true).unwrap();
             assert!(read_samples(&decode(&bytes).unwrap(), 0).unwrap() == samples);
