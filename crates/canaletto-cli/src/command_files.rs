@@ -1,11 +1,38 @@
 //! The files that a command reads and writes, as one table. No output may replace an input or another output.
 
-use crate::failure::Failure;
+use crate::exit::Exit;
+use crate::failure::{Failure, reason};
 use crate::inputs::FileKey;
-use crate::output::replaced;
+use crate::output::{folder_of, replaced};
 use crate::source::Reader;
+use clap::Args;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+
+/// The flag about folders of outputs.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub(crate) struct FolderFlag {
+    /// Makes the folders of the files that are written, where they aren't there
+    #[arg(long, help_heading = "Output")]
+    pub mkdir: bool,
+}
+
+impl FolderFlag {
+    /// Makes the folders of all outputs, if the flag is given.
+    ///
+    /// # Errors
+    /// A folder that can't be made.
+    pub(crate) fn make_folders(self, files: &CommandFiles) -> Result<(), Failure> {
+        for output in files.outputs.iter().filter(|_| self.mkdir) {
+            let folder = folder_of(&output.path);
+            std::fs::create_dir_all(folder).map_err(|e| {
+                let message = format!("{}: can't make the folder {}: {}", output.flag, folder.display(), reason(&e));
+                Failure::new(Exit::Failed, message)
+            })?;
+        }
+        Ok(())
+    }
+}
 
 /// A file with the flag or argument that names it.
 #[derive(Clone, Debug)]

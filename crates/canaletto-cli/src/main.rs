@@ -86,13 +86,14 @@ fn long_about() -> String {
 
 const EXAMPLES: &str = "\
 Examples:
-  canaletto render scene.kdl                     # makes scene.png in the current folder
-  canaletto render model.ply -o model.exr        # adds a camera, lights and a ground to the model
-  canaletto explain scene.kdl --pixel 115,80     # why this pixel has this colour
-  canaletto compare a.png b.exr --diff diff.png
-  canaletto compare-methods scene.kdl            # z-buffer and ray tracing, and why they differ
-  canaletto ladder scene.kdl                     # a sheet of pictures, each with one term more
-  canaletto grade scene.kdl student.png          # what is missing or wrong in another program's picture
+  canaletto render scenes/still-life.kdl         # makes still-life.png in the current folder
+  canaletto render scenes/models/spot.obj -o spot.exr   # adds a camera, lights and a ground to the model
+  canaletto explain scenes/still-life.kdl --pixel 440,340   # why this pixel has this colour
+  canaletto render scenes/still-life.kdl --samples 16 -o finer.exr
+  canaletto compare still-life.png finer.exr --diff diff.png
+  canaletto compare-methods scenes/zbuffer.kdl   # z-buffer and ray tracing, and why they differ
+  canaletto ladder scenes/still-life.kdl         # a sheet of pictures, each with one term more
+  canaletto grade scenes/still-life.kdl still-life.png   # what is missing or wrong in another program's picture
 `canaletto help render` shows the whole help of a command.";
 
 #[derive(Subcommand, Debug)]

@@ -159,3 +159,74 @@ fn examples_are_not_too_wide() {
         }
     }
 }
+
+/// The words of a command line of the help, without quotes and escapes.
+#[cfg(test)]
+fn shell_words(line: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut quote = None;
+    for c in line.chars() {
+        match (c, quote) {
+            (c, Some(open)) if c == open => quote = None,
+            ('\'' | '"', None) => quote = Some(c),
+            (' ', None) => words.push(String::new()),
+            _ => words.last_mut().unwrap().push(c),
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Whether a pattern with at most one `*` fits a file of the repository.
+#[cfg(test)]
+fn is_in_repository(pattern: &str) -> bool {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let Some((before, after)) = pattern.split_once('*') else { return root.join(pattern).is_file() };
+    let folder = std::fs::read_dir(root.join(before)).into_iter().flatten();
+    folder.flatten().any(|file| file.file_name().to_string_lossy().ends_with(after))
+}
+
+/// Examples can be pasted in their order at the root of the repository: their words are known, and each file that they
+/// read is there or was written by an example before.
+#[test]
+fn examples_can_be_pasted() {
+    const WRITES: [&str; 8] = ["-o", "--output", "--out", ">", "--save-solution", "--svg", "--html", "--diff"];
+    let main = Cli::command();
+    let helps = main.get_subcommands().chain([&main]).filter_map(|command| command.get_after_help());
+    let (mut count, mut wrong) = (0, Vec::new());
+    for help in helps {
+        let help = help.to_string().replace("\\\n", "");
+        let mut written: Vec<String> = Vec::new();
+        for line in help.lines().filter(|line| line.starts_with("  ")) {
+            let line = line.split("  #").next().unwrap().trim();
+            for part in line.split(" | ") {
+                let (command, into) = part.split_once(" > ").unwrap_or((part, ""));
+                let words = shell_words(command);
+                if words[0] == "canaletto" {
+                    count += 1;
+                    if let Err(mistake) = main.clone().try_get_matches_from(&words) {
+                        wrong.push(format!("{line}: {mistake}"));
+                    }
+                }
+                let is_output = |i: usize| i > 0 && WRITES.contains(&words[i - 1].as_str());
+                let (own, inputs): (Vec<usize>, Vec<usize>) = (0..words.len()).partition(|i| is_output(*i));
+                for word in inputs.into_iter().map(|i| &words[i]).filter(|word| !word.starts_with('-')) {
+                    let names_file = Path::new(word).extension().is_some_and(|e| e.len() == 3 && e != "sum");
+                    let is_there = || is_in_repository(word) || written.contains(word);
+                    if names_file && !word.contains([',', '=', ' ', '[']) && !is_there() {
+                        wrong.push(format!("{line}: no example before writes {word}"));
+                    }
+                }
+                written.extend(own.into_iter().map(|i| words[i].clone()).chain([into.trim().to_owned()]));
+            }
+            if let ["canaletto", "render", scene, rest @ ..] =
+                &shell_words(line).iter().map(String::as_str).collect::<Vec<_>>()[..]
+                && !rest.contains(&"-o")
+            {
+                written.extend(Path::new(scene).file_stem().map(|stem| format!("{}.png", stem.display())));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(count > 60, "{count} commands");
+}

@@ -1,5 +1,6 @@
 //! Output of pictures: names, formats and files.
 
+use crate::command_files::FolderFlag;
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
@@ -59,6 +60,9 @@ pub(crate) struct OutputFlags {
     /// Fails if a file exists already, instead of replacing it
     #[arg(long, help_heading = "Output")]
     pub no_clobber: bool,
+
+    #[command(flatten)]
+    pub folder: FolderFlag,
 }
 
 impl OutputFlags {
@@ -204,7 +208,10 @@ impl Output {
     pub(crate) fn digest(&self, digest: Digest, texts: &[(String, String)], job: &Job) -> Digest {
         // Layers in files of their own don't count. Tiles change no pixel. The frame's number is among the texts.
         let aovs = if self.format.has_layers() { job.aovs.clone() } else { Vec::new() };
-        let job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
+        let mut job = Job { aovs, tile: 0, frame: 0, ..job.clone() };
+        // A default counts as if it were given.
+        let developing = job.developing();
+        (job.film.tone, job.film.exposure) = (Some(developing.tone), Some(developing.exposure));
         let digest = digest.with(&texts).with(&job).with(&self.format);
         digest.with(&(self.settings.bits, self.settings.whole_ids))
     }
@@ -386,7 +393,7 @@ fn write(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<(), Failure
     write_with(path, options, |out| out.write_all(bytes))
 }
 
-fn folder_of(file: &Path) -> &Path {
+pub(crate) fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -443,9 +450,8 @@ fn wrong(error: WriteError) -> Failure {
         WriteError::Folder { folder, reason: why } => {
             Failure::new(Exit::Failed, format!("can't write into {}: {}", folder.display(), reason(why)))
         }
-        WriteError::NoFolder(folder) => {
-            Failure::new(Exit::Failed, &error).help(format!("create it: mkdir -p {}", folder.display()))
-        }
+        WriteError::NoFolder(folder) => Failure::new(Exit::Failed, &error)
+            .help(format!("create it: mkdir -p {}, or give --mkdir", folder.display())),
         WriteError::Exists(_) => Failure::new(Exit::Failed, &error).help("leave out --no-clobber to replace it"),
         WriteError::IsFolder(folder) => Failure::new(Exit::Failed, &error)
             .help(format!("name a file in it, such as {}", folder.join("picture.png").display())),
@@ -477,6 +483,7 @@ mod tests {
             compression: None,
             uint_ids: false,
             no_clobber: false,
+            folder: FolderFlag::default(),
         }
     }
 

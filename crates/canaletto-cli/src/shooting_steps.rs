@@ -206,6 +206,7 @@ mod tests {
             compression: None,
             uint_ids: false,
             no_clobber: false,
+            folder: Default::default(),
         };
         StepPictures::new(Path::new(pattern), every, &flags)
     }

@@ -108,3 +108,51 @@ fn every_pair_of_files_of_every_command() {
     }
     assert!(pairs > 80, "{pairs} pairs");
 }
+
+/// `--mkdir` makes the folders of all outputs of every command; without it there is an error, and nothing is made.
+#[test]
+fn folders_are_made_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    for scene in ["s.kdl", "b.kdl"] {
+        fs::write(place(scene), SCENE.replace("texture \"t\" file=\"t.png\"", "").replace("; texture \"t\"", ""))
+            .unwrap();
+    }
+    fs::write(place("p.csv"), "0 0.5 0 0 1 0\n").unwrap();
+    let run = |arguments: &str| {
+        let words = arguments.split_whitespace();
+        let output = Command::new(env!("CARGO_BIN_EXE_canaletto")).current_dir(folder.path()).args(words).output();
+        let output = output.unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    for (arguments, files) in [
+        (
+            "render s.kdl -q -o 1/a/s.png --preview=2/p.png --aov depth",
+            &["1/a/s.png", "1/a/s.depth.png", "2/p.png"][..],
+        ),
+        ("render s.kdl b.kdl -q -o 3", &["3/s.png", "3/b.png"]),
+        ("render s.kdl b.kdl -q -o 4/{name}/x.png", &["4/s/x.png", "4/b/x.png"]),
+        ("render s.kdl -q --integrator radiosity --save-solution 5/r.rad -o 6/s.png", &["5/r.rad", "6/s.png"]),
+        ("explain s.kdl -p 4,4 --svg 7/a.svg --html 8/a.html", &["7/a.svg", "8/a.html"]),
+        ("measure s.kdl --points p.csv --rays 16 -o 9/a.csv", &["9/a.csv"]),
+        ("bake s.kdl -o 10/a.obj", &["10/a.obj", "10/a.mtl"]),
+        ("denoise 3/s.png -o 11/a.png", &[]),
+        ("compare 3/s.png 3/b.png --diff 12/a.png", &["12/a.png"]),
+        ("compare-methods s.kdl -q -o 13/a.png", &["13/a.png"]),
+        ("ladder s.kdl -q -o 14/a.png", &["14/a.png"]),
+    ] {
+        let there = || files.iter().filter(|file| place(file).is_file()).count();
+        let (code, told) = run(arguments);
+        assert!(code != Some(0) && there() == 0, "{arguments}: {code:?} {told}");
+        let (code, told) = run(&format!("{arguments} --mkdir"));
+        if !files.is_empty() {
+            assert!(code == Some(0) && there() == files.len(), "{arguments}: {code:?} {told}");
+        }
+    }
+    let (code, told) = run("render s.kdl -o 20/s.png --dry-run --mkdir -q");
+    assert!(code == Some(0) && !place("20").exists(), "{told}");
+    let (code, told) = run("render s.kdl -o s.kdl/x/s.png --mkdir");
+    assert!(code == Some(1) && told.contains("can't make the folder s.kdl/x"), "{told}");
+    let (_, told) = run("render s.kdl -o 21/s.png");
+    assert!(told.contains("--mkdir"), "{told}");
+}

@@ -1,7 +1,7 @@
 //! `canaletto bake`: a scene with its diffuse light in textures, for viewers and game engines.
 
 use crate::command::render::stem;
-use crate::command_files::CommandFiles;
+use crate::command_files::{CommandFiles, FolderFlag};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::{SourceFlags, named};
@@ -43,6 +43,8 @@ pub(crate) struct BakeFlags {
     /// Fails if a file exists already, instead of replacing it
     #[arg(long, help_heading = "Output")]
     pub no_clobber: bool,
+    #[command(flatten)]
+    pub folder: FolderFlag,
 
     #[command(flatten)]
     pub solution: GivenSolutionFlags,
@@ -102,6 +104,7 @@ Examples:
   canaletto bake scenes/cornell-box.kdl --maps light -o room.glb   # and room.light.exr
   canaletto bake scenes/cornell-box.kdl -o room.obj   # and .mtl, .png, .light.exr
   canaletto bake scenes/cornell-box.kdl --set integrator.error=0.003 -o fine.glb
+  canaletto render scenes/cornell-box.kdl --save-solution cornell.rad
   canaletto bake scenes/cornell-box.kdl --solution cornell.rad -o room.glb";
 
 /// The number of texels for each unit of length.
@@ -122,10 +125,11 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let output = flags.output.clone().unwrap_or_else(|| format!("{}.glb", stem(&flags.source.scene)).into());
     let format = format_of(&output)?;
     let files: Vec<PathBuf> = format.endings(flags.maps).iter().map(|ending| beside(&output, ending)).collect();
-    check_files(files.clone(), &output, flags.no_clobber)?;
     let table = CommandFiles::default().reads("--solution", &flags.solution.solution);
     let table = table.writes("--output", files.clone());
     table.check()?;
+    flags.folder.make_folders(&table)?;
+    check_files(files.clone(), &output, flags.no_clobber)?;
     let mut reader = Reader::open(&flags.source, None, None)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;

@@ -54,7 +54,7 @@ pub(crate) struct CheckFlags {
 const EXAMPLES: &str = "\
 Examples:
   canaletto check scenes/*.kdl
-  canaletto check shot.kdl --json | jq '.files[].diagnostics[].message'";
+  canaletto check scenes/path.kdl --json | jq '.files[].diagnostics[].message'";
 
 /// Runs the command.
 pub(crate) fn run(flags: &CheckFlags) -> Result<Exit, Failure> {

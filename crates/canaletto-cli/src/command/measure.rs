@@ -1,6 +1,6 @@
 //! `canaletto measure`: the light at points, as a light meter reads it.
 
-use crate::command_files::CommandFiles;
+use crate::command_files::{CommandFiles, FolderFlag};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::flags::SourceFlags;
@@ -43,6 +43,8 @@ pub(crate) struct MeasureFlags {
     /// Sets the output's file; - is the standard output
     #[arg(short, long, value_name = "FILE", default_value = "-", help_heading = "Output")]
     pub output: PathBuf,
+    #[command(flatten)]
+    pub folder: FolderFlag,
 
     /// Sets how light is found [default: path if the scene's integrator is that, or else radiosity]
     #[arg(long, value_enum, value_name = "NAME", help_heading = "Sampling")]
@@ -84,10 +86,12 @@ blue, the illuminance, and the standard errors of all four. The illuminance is t
 luminance of the irradiance (Rec. 709): lux, if the lights are photometric.
 
 Examples:
+  printf '2.78 1 2.8  0 1 0\\n' > desk.csv
   canaletto measure scenes/cornell-box.kdl --points desk.csv -o desk-light.csv
   printf '2.78 1 2.8  0 1 0\\n' | canaletto measure scenes/cornell-box.kdl --points -
   canaletto measure scenes/cornell-box.kdl --points desk.csv --rays 16384
   canaletto measure scenes/cornell-box.kdl --points desk.csv --integrator path
+  canaletto render scenes/cornell-box.kdl --save-solution cornell.rad
   canaletto measure scenes/cornell-box.kdl --points desk.csv --solution cornell.rad";
 
 /// What measures.
@@ -122,6 +126,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let files = CommandFiles::default().reads("--points", [&flags.points]);
     let files = files.reads("--solution", &flags.solution.solution).writes("--output", [flags.output.clone()]);
     files.check()?;
+    flags.folder.make_folders(&files)?;
     check_files([flags.output.clone()], &flags.output, false)?;
     let points = read_points(&flags.points)?;
     let mut reader = Reader::open(&flags.source, None, None)?;

@@ -3,7 +3,7 @@
 mod input;
 mod report;
 
-use crate::command_files::CommandFiles;
+use crate::command_files::{CommandFiles, FolderFlag};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags;
@@ -25,9 +25,9 @@ use std::path::{Path, PathBuf};
 ///
 /// The formats are PNG, OpenEXR, JPEG, WebP, Radiance HDR and PPM. Display values from 0 to 1 are compared. A PNG
 /// stores them. An EXR is developed as the other picture was and rounded to its bits: exposure and tone are those that
-/// the other file names, or 0 and clamp; the transfer curve is sRGB if it declares none or is an EXR. Equal pictures also have equal alpha, layers,
-/// declared curves and places in a larger picture. What only one picture has is listed. Two EXRs with equal display
-/// values differ if their linear light differs.
+/// the other file names, or 0 and clamp; the transfer curve is sRGB if it declares none or is an EXR. Equal pictures
+/// also have equal alpha, layers, declared curves and places in a larger picture. What only one picture has is listed.
+/// Two EXRs with equal display values differ if their linear light differs.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareFlags {
@@ -50,6 +50,9 @@ pub(crate) struct CompareFlags {
     /// Writes a picture of the differences, PNG or EXR
     #[arg(long, value_name = "PATH")]
     pub diff: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub folder: FolderFlag,
 
     /// Multiplies the differences in a PNG [default: the factor that makes the largest white]
     #[arg(long, value_name = "FACTOR", requires = "diff", value_parser = factor)]
@@ -77,10 +80,12 @@ pub(crate) struct CompareFlags {
 
 const EXAMPLES: &str = "\
 Examples:
-  canaletto compare old.png new.png --diff diff.png
-  canaletto compare a.exr b.exr --linear --threshold rmse=0.001 --threshold max=0.1
-  canaletto compare a.exr b.exr --layer depth --threshold differing=0
-  canaletto compare a.png b.png --json | jq .flip";
+  canaletto render scenes/path.kdl --samples 4 -o a.exr --aov depth
+  canaletto render scenes/path.kdl --samples 4 --seed 2 -o b.exr --aov depth
+  canaletto compare a.exr b.exr --diff diff.png
+  canaletto compare a.exr b.exr --linear --threshold rmse=1 --threshold max=100
+  canaletto compare a.exr b.exr --layer depth
+  canaletto compare a.exr b.exr --json | jq .flip";
 
 /// A limit for a metric.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,7 +153,9 @@ fn factor(text: &str) -> Result<f32, String> {
 /// Runs the command.
 pub(crate) fn run(flags: &CompareFlags) -> Result<Exit, Failure> {
     let files = CommandFiles::default().reads("A", [&flags.a]).reads("B", [&flags.b]);
-    files.writes("--diff", flags.diff.clone()).check()?;
+    let files = files.writes("--diff", flags.diff.clone());
+    files.check()?;
+    flags.folder.make_folders(&files)?;
     let (a, b) = (read(&flags.a, flags.layer.as_deref())?, read(&flags.b, flags.layer.as_deref())?);
     let wrong = |e: Unequal| Failure::new(Exit::Scene, format!("{} and {}: {e}", flags.a.display(), flags.b.display()));
     let same_size = (a.decoded.image.width, a.decoded.image.height) == (b.decoded.image.width, b.decoded.image.height);

@@ -182,9 +182,10 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     }
     let file = output.path(frame);
     let files = || methods.iter().map(|method| method.file.clone()).chain([file.clone()]);
-    output.check(files())?;
     let table = CommandFiles::default().writes("--output", files());
     table.check()?;
+    flags.output.folder.make_folders(&table)?;
+    output.check(files())?;
     table.check_scene(&reader)?;
     check_room(&methods)?;
     let options = seen_through(&camera, &source.scene, flags.source.build_options(0));

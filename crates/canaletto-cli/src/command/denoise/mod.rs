@@ -2,7 +2,7 @@
 
 mod independence;
 
-use crate::command_files::CommandFiles;
+use crate::command_files::{CommandFiles, FolderFlag};
 use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
@@ -70,6 +70,9 @@ pub(crate) struct DenoiseFlags {
     #[arg(long)]
     pub no_clobber: bool,
 
+    #[command(flatten)]
+    pub folder: FolderFlag,
+
     /// Prints errors only
     #[arg(short, long)]
     pub quiet: bool,
@@ -96,9 +99,11 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("--output {}: end the name in {extensions}", flags.output.display())));
     };
     flags.denoiser.check()?;
+    let files = CommandFiles::default().reads("PICTURE", [&flags.picture]).reads("OTHER", &flags.other);
+    let files = files.writes("--output", [flags.output.clone()]);
+    files.check()?;
+    flags.folder.make_folders(&files)?;
     check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
-    let inputs = CommandFiles::default().reads("PICTURE", [&flags.picture]).reads("OTHER", &flags.other);
-    inputs.writes("--output", [flags.output.clone()]).check()?;
     if let Some(other) = &flags.other {
         independence::check_files([&flags.picture, other])?;
     }

@@ -4,6 +4,7 @@ mod data_url;
 mod difference;
 mod subject;
 
+use crate::command_files::FolderFlag;
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, SourceFlags, pixel};
@@ -132,6 +133,9 @@ pub(crate) struct ExplainFlags {
     /// fold. It needs no other file. - prints the page alone
     #[arg(long, value_name = "FILE.html", help_heading = "Messages")]
     pub html: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub folder: FolderFlag,
 
     /// Prints JSON, with the sum of all terms as `sum`
     #[arg(long, help_heading = "Messages")]

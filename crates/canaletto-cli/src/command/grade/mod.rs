@@ -49,9 +49,10 @@ pub(crate) struct GradeFlags {
 
 const EXAMPLES: &str = "\
 Examples:
+  canaletto render scenes/chapter/box-5.4.kdl --no-shadows -o student.png
   canaletto grade scenes/chapter/box-5.4.kdl student.png
-  canaletto grade scenes/chapter/box-5.4.kdl student.ppm --stage shadow
-  canaletto grade scenes/chapter/box-5.4.kdl student.jpg --json | jq .verdict";
+  canaletto grade scenes/chapter/box-5.4.kdl student.png --stage specular
+  canaletto grade scenes/chapter/box-5.4.kdl student.png --json | jq .verdict";
 
 fn long_help() -> String {
     let mistakes = Mistake::ALL.iter().map(|mistake| format!("  {:<26} {}\n", mistake.name(), mistake.meaning()));

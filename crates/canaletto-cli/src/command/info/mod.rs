@@ -45,11 +45,12 @@ pub(crate) struct InfoFlags {
 
 const EXAMPLES: &str = "\
 Examples:
-  canaletto info bunny.ply
-  canaletto info hall.ply --build high             # memory and time of BVHs of high quality
-  canaletto info shot.kdl --json | jq .census.primitives
-  canaletto info shot.png                          # its settings, and the command that makes it again
-  canaletto info shot.png --json | jq -r '.command | @sh' | sh   # makes it again";
+  canaletto info scenes/models/spot.obj
+  canaletto info scenes/models/spot.obj --build high   # memory and time of BVHs of high quality
+  canaletto info scenes/still-life.kdl --json | jq .census.primitives
+  canaletto render scenes/chapter/box-5.4.kdl -o box.png
+  canaletto info box.png                         # its settings, and the command that makes it again
+  canaletto info box.png --json | jq -r '.command | @sh' | sh   # makes it again";
 
 /// The content of the summary.
 struct Info {

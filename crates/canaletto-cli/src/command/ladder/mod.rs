@@ -110,8 +110,10 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let settings = Settings::new(&name, &scene, &classic(&flags.picture, &scene)?)?;
     let job = Job { frame, ..settings.job };
     let file = output.path(frame);
+    let files = CommandFiles::default().writes("--output", [file.clone()]);
+    flags.output.folder.make_folders(&files)?;
     output.check([file.clone()])?;
-    CommandFiles::default().writes("--output", [file.clone()]).check_scene(&reader)?;
+    files.check_scene(&reader)?;
     let [_, _, width, height] = job.window();
     check_room([width, height])?;
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));

@@ -127,23 +127,23 @@ pub(crate) enum Layers {
 
 const EXAMPLES: &str = "\
 Examples:
-  canaletto render shadow.kdl                                # writes shadow.png here
-  canaletto render bunny.ply -o bunny.png --size 1600x1200 --samples 16
-  canaletto render shot.kdl -o shot.exr --aov normal,depth   # layers in the same file
-  canaletto render room.kdl --integrator path --samples 64 --denoise
-  canaletto render shot.kdl -o out/shot.####.png --frames 1-100
-  canaletto render shot.kdl -o shot.gif --frames 1-50 --fps 12
-  canaletto render hall.ply --samples 256 --build high       # long triangles, many rays
-  canaletto render shot.kdl --set camera.fovy=40 -o - | display
-  canaletto render scenes/*.kdl -o pictures                  # a picture of each scene in a folder
-  canaletto render scenes/*.kdl -o 'small/{name}.half.png' --size 50%
-  canaletto render room.kdl --save-solution room.rad         # radiosity solved once, for ...
-  canaletto render room.kdl --solution room.rad --camera two -o two.png
-  canaletto render room.kdl --integrator path --time 60s -o room.exr
-  canaletto render room.kdl --integrator path --noise 0.02 --preview=live.png
-  canaletto render room.kdl --integrator path --samples 1024 --continue room.exr -o room.exr
-  canaletto render shot.kdl --watch --preview                # while the scene is being written
-  make-scene | canaletto render - -o made.png                # a scene text on the standard input";
+  canaletto render scenes/chapter/fig-5.23b-shadow.kdl       # writes fig-5.23b-shadow.png here
+  canaletto render scenes/models/spot.obj -o spot.png --size 1600x1200 --samples 16
+  canaletto render scenes/still-life.kdl -o still.exr --aov normal,depth   # layers in the same file
+  canaletto render scenes/path.kdl --samples 64 --denoise
+  canaletto render scenes/chapter/bouncing-ball.kdl -o out/ball.####.png --frames 1-10 --mkdir
+  canaletto render scenes/chapter/bouncing-ball.kdl -o ball.gif --frames all --fps 12
+  canaletto render scenes/models/globe.obj --samples 256 --build high   # many rays
+  canaletto render scenes/still-life.kdl --set camera.fovy=25 -o - > near.png
+  canaletto render scenes/tutorial/*.kdl -o pictures/ --mkdir   # a picture of each scene in a folder
+  canaletto render scenes/tutorial/*.kdl -o 'small/{name}.half.png' --size 50% --mkdir
+  canaletto render scenes/gallery-room.kdl --save-solution room.rad   # radiosity solved once, for ...
+  canaletto render scenes/gallery-room.kdl --solution room.rad --set camera.fovy=35 -o near.png
+  canaletto render scenes/path.kdl --time 5s -o path.exr
+  canaletto render scenes/path.kdl --samples 1024 --continue path.exr -o path.exr
+  canaletto render scenes/path.kdl --noise 0.1 --preview=live.png
+  canaletto render scenes/path.kdl --watch --preview         # while the scene is being written
+  cat scenes/path.kdl | canaletto render - -o made.png       # a scene text on the standard input";
 
 fn long_help() -> String {
     format!(
@@ -187,10 +187,18 @@ impl Task {
             reader.set_fps(fps);
         }
         let plan = Plan::new(&flags, style, &mut reader)?;
-        plan.output.check(plan.all_files())?;
-        flags.solution.check_file(flags.output.no_clobber)?;
         let task = Task { flags, plan, reader };
+        let Task { flags, plan, .. } = &task;
         task.files().check()?;
+        // A plan alone makes no folders, and tells nothing of those that would be made.
+        if !flags.dry_run || !flags.output.folder.mkdir {
+            flags.output.folder.make_folders(&task.files())?;
+            plan.output.check(plan.all_files())?;
+            if let (Some(preview), Some(Some(file))) = (&plan.preview, &flags.preview) {
+                preview.check([file.clone()])?;
+            }
+        }
+        flags.solution.check_file(flags.output.no_clobber)?;
         // Samples may be gone on with into their own file, but nothing else may replace them before they are read.
         task.others().reads("--continue", &task.flags.passes.continue_from).check()?;
         Ok(task)
@@ -257,14 +265,19 @@ fn pattern(output: &Path) -> Option<&str> {
 fn own_output(flags: &RenderFlags, output: &Path, scene: &Path) -> PathBuf {
     match pattern(output) {
         Some(text) => text.replace(NAME, &stem(scene)).into(),
-        None if is_folder(output) => output.join(flags.output.default_name(&stem(scene), flags.frames.is_some())),
+        None if is_folder(output, flags) => {
+            output.join(flags.output.default_name(&stem(scene), flags.frames.is_some()))
+        }
         None => output.to_owned(),
     }
 }
 
-/// Whether a path is a folder for pictures. One that is named like a picture is rather a mistake.
-fn is_folder(path: &Path) -> bool {
-    path.is_dir() && path.extension().and_then(|extension| Format::of_extension(extension.to_str()?)).is_none()
+/// Whether a path is a folder for pictures, or will be one with --mkdir. One that is named like a picture is rather a
+/// mistake.
+fn is_folder(path: &Path, flags: &RenderFlags) -> bool {
+    let is_new = || flags.output.folder.mkdir && !path.exists() && path.extension().is_none();
+    (path.is_dir() || is_new())
+        && path.extension().and_then(|extension| Format::of_extension(extension.to_str()?)).is_none()
 }
 
 /// Renders several scenes, each into a file of its own. A scene with mistakes doesn't stop the others. The exit code is
@@ -275,11 +288,11 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     if let Some(flag) = flags.solution.given().or(flags.shooting.shooting_steps.as_ref().map(|_| "--shooting-steps")) {
         return Err(Failure::usage(format!("{flag}: it is for one scene, but there are several")));
     }
-    let is_for_all = |output: &Path| is_folder(output) || pattern(output).is_some();
+    let is_for_all = |output: &Path| is_folder(output, flags) || pattern(output).is_some();
     if let Some(one) = output.filter(|output| !is_for_all(output)) {
         let message = format!("--output {} is no folder, but there are several scenes", one.display());
-        let help = "give a folder that exists, or a pattern such as 'pictures/{name}.png'; without --output each picture \
-                    is called like its scene";
+        let help = "give a folder that exists, or --mkdir, or a pattern such as 'pictures/{name}.png'; without --output \
+                    each picture is called like its scene";
         return Err(Failure::usage(message).help(help));
     }
     let mut exit = Exit::Done;

@@ -105,7 +105,6 @@ fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Fra
             return Err(Failure::usage(format!("--preview={}: it takes a picture's file", own.display()))
                 .help("such as --preview=live.png"));
         }
-        preview.check([own.to_owned()])?;
         return Ok(preview);
     }
     let why = match output.format.film() {
