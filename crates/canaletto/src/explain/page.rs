@@ -46,7 +46,7 @@ impl PixelTree {
     pub fn html(&self, style: &PageStyle) -> String {
         let ([x, y], chosen) = (self.pixel, self.nearest_to_mean());
         let mut page = Page::begin(style, &format!("pixel ({x}, {y})"), self.color);
-        page.html += &self.svg(style.text.levels, style.outside);
+        page.drawing(&self.svg(style.text.levels, style.outside));
         page.html += "<h2>From light to the file</h2><table>\n";
         page.colored_row("sum of the terms", "5.39b", &page.rgb(self.sum()), self.sum());
         let is_equal = if self.sum() == self.color { "equal, bit for bit" } else { "NOT equal: this is a bug" };
@@ -104,7 +104,7 @@ impl PathTree {
     pub fn html(&self, chosen: Option<usize>, style: &PageStyle) -> String {
         let [x, y] = self.pixel;
         let mut page = Page::begin(style, &format!("pixel ({x}, {y})"), self.color);
-        page.html += &self.svg(chosen, style.text.levels, style.outside).unwrap_or_default();
+        page.drawing(&self.svg(chosen, style.text.levels, style.outside).unwrap_or_default());
         let text = self.text(&style.text, chosen);
         let _ = writeln!(page.html, "<pre>{}</pre>", text.lines().map(escaped).collect::<Vec<_>>().join("\n"));
         page.end(&self.text(&TextStyle::FULL, None))
@@ -115,7 +115,7 @@ impl RayTree {
     /// The tree as an HTML page, as [`PixelTree::html`].
     pub fn html(&self, style: &PageStyle) -> String {
         let mut page = Page::begin(style, "a ray", self.color);
-        page.html += &self.svg(style.text.levels, style.outside);
+        page.drawing(&self.svg(style.text.levels, style.outside));
         page.tree(&self.ray);
         page.end(&self.text(&style.text))
     }
@@ -153,6 +153,11 @@ impl Page {
             text.lines().map(escaped).collect::<Vec<_>>().join("\n")
         );
         self.html
+    }
+
+    /// Adds a drawing. On a narrow screen it keeps a size that can be read, and is scrolled by itself.
+    fn drawing(&mut self, svg: &str) {
+        let _ = writeln!(self.html, "<figure>{svg}</figure>");
     }
 
     fn number<T: Copy + Display + LowerExp + Into<f64>>(&self, v: T) -> String {
@@ -326,14 +331,19 @@ fn kind_words(kind: RayKind) -> &'static str {
     super::difference::kind_name(kind)
 }
 
-/// Light and dark, as the reader's browser is.
+/// Light and dark, as the reader's browser is. On a screen as narrow as a phone's, a value stands below its name, and
+/// long lines wrap.
 const STYLE: &str = "\
     :root{color-scheme:light dark}body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:1.5rem auto;\
     padding:0 1rem;background:#fff;color:#222}h1{font-size:1.4rem;overflow-wrap:anywhere}h2{font-size:1.1rem;\
-    margin-top:2rem}svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:.4rem 0}\
+    margin-top:2rem}figure{margin:0;overflow-x:auto}svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:.4rem 0}\
     th,td{text-align:left;padding:.15rem .8rem .15rem 0;border-bottom:1px solid #ddd;vertical-align:top;\
     font-variant-numeric:tabular-nums}th{font-weight:normal;white-space:pre}td:nth-child(2){color:#777}\
     .swatch{display:inline-block;width:1.1em;height:1.1em;border:1px solid #888;vertical-align:-.2em}\
     details.node{border-left:3px solid #ccc;padding-left:.8rem;margin:.5rem 0}summary{cursor:pointer}\
     pre{overflow-x:auto;font-size:12px}@media(prefers-color-scheme:dark){body{background:#16181c;color:#ddd}\
-    th,td{border-color:#333}td:nth-child(2){color:#999}details.node{border-color:#444}}";
+    th,td,tr{border-color:#333}td:nth-child(2){color:#999}details.node{border-color:#444}}\
+    @media(max-width:40rem){body{margin:.5rem auto;padding:0 .6rem}svg{max-width:none;width:40rem}\
+    table{width:100%}tr{display:grid;grid-template-columns:1fr auto;padding:.25rem 0;border-bottom:1px solid #ddd}\
+    th,td{border:0;padding:0;overflow-wrap:anywhere}th{white-space:pre-wrap}pre{white-space:pre-wrap;\
+    overflow-wrap:anywhere}td:nth-child(2n){text-align:right}details.node{padding-left:.4rem;border-left-width:2px}}";
