@@ -175,9 +175,9 @@ fn parts_of_large_pictures_look_as_they_did() {
     for (name, part) in PARTS {
         let mut scene = scene("scenes", name);
         scene.film.crop = Some(part);
-        let film = scene.film;
+        let (film, developing) = (scene.film, scene.film.developing(&scene.integrator));
         let picture = picture(scene).picture;
-        let shown = develop(&picture, &clamped(&film));
+        let shown = develop(&picture, &developing);
         let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
         let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
         let ours = decode(&png).unwrap().image;
