@@ -98,7 +98,7 @@ fn count_camera_rays(stage: Stage, file: &Path, plain: &Plain<'_>, folder: &Path
     let output = ours.output().map_err(|e| e.to_string())?;
     let reports = String::from_utf8_lossy(&output.stderr);
     let done = reports.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let done = done.filter(|report| report["event"] == "done").last();
+    let done = done.rev().find(|report| report["event"] == "done");
     let traced = done.and_then(|report| report["rays"]["eye"]["traced"].as_u64());
     equal_work("canaletto", traced, pixels)?;
     if installed("povray") {

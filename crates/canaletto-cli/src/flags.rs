@@ -176,7 +176,8 @@ pub(crate) struct PictureFlags {
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
 
-    /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture. EXR files keep their light
+    /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture. EXR files keep their
+    /// light
     #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help_heading = "Colour")]
     pub exposure: Option<Exposure>,
 

@@ -378,6 +378,17 @@ const ROUND: &str = r#"
     light "omni" { position 3 5 3; intensity 1 1 1 }
 "#;
 
+/// A seen lamp above a pane of glass, which scattered rays find often.
+const PANE: &str = r#"
+    camera { eye 0 1 3; center 0 0 0; fovy 20; size 8 8 }
+    film { samples 32 }
+    integrator "path" { max-depth 3 }
+    material "pane" { dielectric 1.5 }
+    disk { center 0 0 0; normal 0 1 0; radius 5 }
+    box material="pane" { min -3 1.8 -3; max 3 2 3 }
+    light "sphere" { center 0 6 0; radius 3; visible #true }
+"#;
+
 const PATHS: &str = r#"
     camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
     film { samples 32 }
@@ -448,7 +459,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 43] = [
+const EXPLAINED: [&str; 46] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -487,6 +498,9 @@ const EXPLAINED: [&str; 43] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
     "paths.kdl -p 20,15",
+    "paths.kdl -p 20,15 --tone agx",
+    "pane.kdl -p 4,4",
+    "mixed.kdl -p 24,16 --tone agx",
     "paths.kdl -p 20,8",
     "mixed.kdl -p 24,16 --integrator path --samples 16",
     "ROOT/scenes/motion-blur.kdl -p 150,100 --integrator path --samples 4",
@@ -511,9 +525,14 @@ fn json_has_the_schema_of_the_docs() {
         serde_json::from_slice(&std::fs::read(root().join("docs/explain.schema.json")).unwrap()).unwrap();
     let schema = Schema { definitions: &schema["$defs"] };
     let folder = tempfile::tempdir().unwrap();
-    for (name, text) in
-        [("mixed.kdl", MIXED), ("room.kdl", ROOM), ("field.kdl", FIELD), ("round.kdl", ROUND), ("paths.kdl", PATHS)]
-    {
+    for (name, text) in [
+        ("mixed.kdl", MIXED),
+        ("room.kdl", ROOM),
+        ("field.kdl", FIELD),
+        ("round.kdl", ROUND),
+        ("paths.kdl", PATHS),
+        ("pane.kdl", PANE),
+    ] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     for name in ["leaf.png", "globe.png", "wrinkles.png"] {

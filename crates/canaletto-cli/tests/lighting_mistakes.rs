@@ -89,7 +89,8 @@ fn near_and_far_planes_without_a_space_between() {
     for (planes, said) in [
         ("near 5; far 2", "near is 5 and far is 2; they must satisfy 0 < near < far"),
         ("near 2; far 2", "near is 2 and far is 2; they must satisfy 0 < near < far"),
-        ("near 0", "near is 0 and far is 1000"),
+        ("near 0", "near is 0; they must satisfy 0 < near < far"),
+        ("near 0; far 9", "near is 0 and far is 9"),
         ("near -1; far 5", "near is -1 and far is 5"),
         ("near #nan", "near is #nan, which is no number"),
     ] {
@@ -150,11 +151,9 @@ fn surfaces_without_an_area() {
         &["s.kdl:3:", "\"flat.obj\": nothing in it has an area: 2 triangles"],
     );
     refused(&format!("{radiosity}{LAMP}"), &["radiosity: no surface has an area"]);
-    refused(
-        &format!("{radiosity}plane {{ point 0 0 0; normal 0 1 0 }}\n{LAMP}"),
-        &["radiosity: no surface has an area", "infinite plane"],
-    );
-    // Beside other surfaces, they change nothing.
+    // A plane by itself has a part below the lamp. Beside other surfaces, surfaces without an area change nothing.
+    let (code, said, files) = render(&format!("{radiosity}plane {{ point 0 0 0; normal 0 1 0 }}\n{LAMP}"), &[]);
+    assert!(code == 0 && files == ["out.png"] && said.contains("patches"), "{code} {said}");
     let (code, said, files) = render(&format!("{radiosity}{flat}{WALL}{LAMP}"), &[]);
     assert!(code == 0 && files == ["out.png"] && said.contains("the triangle has no area"), "{code} {said}");
 }

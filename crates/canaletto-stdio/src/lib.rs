@@ -1,8 +1,8 @@
 //! Whether the standard output was closed when the program started.
 //!
-//! Before `main`, Rust's runtime opens `/dev/null` for reading and writing in the place of a closed stream. A caller that
-//! wants no output passes the same file: Python's `DEVNULL` and Node's `ignore` do. Nothing tells the two apart later.
-//! So a function that the loader calls before the runtime asks the system.
+//! Before `main`, Rust's runtime opens `/dev/null` for reading and writing in the place of a closed stream. A caller
+//! that wants no output passes the same file: Python's `DEVNULL` and Node's `ignore` do. Nothing tells the two apart
+//! later. So a function that the loader calls before the runtime asks the system.
 
 /// Whether the standard output was closed when the program started, as `>&-` does. Results would be lost silently.
 /// False where the system can't be asked.

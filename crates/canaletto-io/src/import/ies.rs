@@ -3,7 +3,8 @@
 //! A file has lines of keywords up to `TILT=`. Numbers follow, broken into lines anywhere: ten about the lamp, three
 //! about its power, the vertical angles, the horizontal angles, and for each horizontal angle the intensities at all
 //! vertical ones. Commas separate numbers as spaces do. Only the proportions of intensities are used, so that factors
-//! for all of them are read and left out. So is `TILT=INCLUDE`, which describes how the lamp's flux depends on its tilt.
+//! for all of them are read and left out. So is `TILT=INCLUDE`, which describes how the lamp's flux depends on its
+//! tilt.
 //!
 //! Tables of type C that are usual and not of the standard are brought into its form by [`normalize`].
 
@@ -291,7 +292,7 @@ mod tests {
             LAMP.replace("TILT=NONE", "  tilt =none  "),
             LAMP.replace("\r\n", "\n"),
             format!("TILT=NONE{numbers}"),
-            format!("[MORE] TILT\n[MANUFAC] a, b\n{start}TILT=NONE{}", numbers.replace("\r\n", " ")),
+            format!("[MORE] TILT\n[MANUFAC] a, b\n{start}TILT=NONE\n{}", numbers.trim_start().replace("\r\n", " ")),
             format!("Acme 12\nTILT=NONE\n{}", numbers.replace(' ', "\n")),
             LAMP.replace("0 100 80 10", "-0.5 100 80 10"),
         ] {

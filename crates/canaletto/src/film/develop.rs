@@ -57,8 +57,8 @@ impl Developer {
     }
 
     /// The exposed light of a colour as tone curves take it: finite and not negative.
+    #[expect(clippy::manual_clamp, reason = "NaN becomes black, as without a curve")]
     pub fn exposed(&self, color: Rgb) -> Rgb {
-        // NaN becomes black, as without a curve.
         color.map(|v| (v * self.exposure).max(0.0).min(f32::MAX))
     }
 

@@ -247,9 +247,10 @@ impl Job {
         self.film.developing(&self.integrator)
     }
 
-    /// The job of a small picture of all that the camera sees, in which [`Exposure::Auto`](crate::scene::Exposure::Auto)
-    /// is metered. It depends on neither crop, samples nor seed. All pictures of a scene have one exposure so: parts,
-    /// previews, pixels that are explained, and pictures that are added up.
+    /// The job of a small picture of all that the camera sees, in which
+    /// [`Exposure::Auto`](crate::scene::Exposure::Auto) is metered. It depends on neither crop, samples nor seed. All
+    /// pictures of a scene have one exposure so: parts, previews, pixels that are explained, and pictures that are
+    /// added up.
     pub fn metering(&self) -> Job {
         /// The longer side in pixels, and the rays of a pixel.
         const SIDE: u32 = 48;

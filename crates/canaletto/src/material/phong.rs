@@ -47,7 +47,8 @@ impl Default for Phong {
 
 impl Phong {
     /// A bound of the light that a surface returns by the chapter's equation, as a share of what arrives:
-    /// kd + 2 ks / (n + 1) + k + 1 − o. The highlight's share is the integral of (5.38), π l times ks cosⁿ α / π, over all directions.
+    /// kd + 2 ks / (n + 1) + k + 1 − o. The highlight's share is the integral of (5.38), π l times ks cosⁿ α / π, over
+    /// all directions.
     pub fn largest_albedo(&self) -> f32 {
         let highlight = 2.0 / (self.n + 1.0);
         (self.kd + self.ks * highlight + self.k + Rgb::gray(1.0 - self.opacity)).max_component()

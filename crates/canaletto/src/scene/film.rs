@@ -265,8 +265,8 @@ pub struct Developing {
 }
 
 impl FilmSettings {
-    /// How the integrator's pictures are developed. Path tracing has the range of real light, with windows and lamps far
-    /// over 1. Without a tone its pictures therefore have `pbr-neutral`. Others have `clamp`, and so have pictures
+    /// How the integrator's pictures are developed. Path tracing has the range of real light, with windows and lamps
+    /// far over 1. Without a tone its pictures therefore have `pbr-neutral`. Others have `clamp`, and so have pictures
     /// without a transfer curve, whose numbers are to be read. The exposure is 0.
     pub fn developing(&self, integrator: &Integrator) -> Developing {
         let has_range = matches!(integrator, Integrator::Path(_)) && self.transfer == Transfer::Srgb;

@@ -36,10 +36,11 @@ impl Cuts {
         length * self.numerators[i] / self.denominator
     }
 
-    /// The middle of a part; of the last cut, the cut itself.
+    /// The middle of a part; behind the last cut, of one as long as the last part.
     pub(super) fn middle(&self, i: usize) -> f64 {
-        let next = self.numerators.get(i + 1).unwrap_or(&self.numerators[i]);
-        (self.numerators[i] + (next - self.numerators[i]) * 0.5) / self.denominator
+        let part = i.min(self.len() - 1);
+        let length = self.numerators[part + 1] - self.numerators[part];
+        (self.numerators[i] + length * 0.5) / self.denominator
     }
 }
 

@@ -30,8 +30,8 @@ pub(crate) struct Facet {
 
 impl World {
     /// The facets of all surfaces. Curved surfaces are tessellated to a tolerance, a length in the world, with the area
-    /// of the exact surface. Half the angle between facets of round lamps is at most `lamp_angle`. Each plane is covered
-    /// inside its box. The order is that of instances and primitives, planes last.
+    /// of the exact surface. Half the angle between facets of round lamps is at most `lamp_angle`. Each plane is
+    /// covered inside its box. The order is that of instances and primitives, planes last.
     ///
     /// # Errors
     /// [`TooManyTriangles`] if there would be more than `limit`.

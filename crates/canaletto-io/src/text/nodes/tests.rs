@@ -66,6 +66,7 @@ fn picture(width: u32, height: u32) -> Vec<u8> {
 
 /// Scenes that read fields which no example reads, since their examples say the same in another form.
 const MORE: &[&str] = &[
+    "film { filter \"gaussian\" sigma=0.5 }",
     "film { sample \"jittered\" { n 3 } }",
     "film { sample \"adaptive\" n=3 threshold=0.1 }",
     "spheres radius=1 file=\"a.csv\"",

@@ -88,7 +88,9 @@ fn value_of(value_type: ValueType) -> String {
         ValueType::Rgb | ValueType::Count => "1".into(),
         ValueType::Counts(n) | ValueType::Many(n) => vec!["1"; n].join(" "),
         ValueType::Flag => "#true".into(),
-        ValueType::FlagOrKeyword(words) | ValueType::Keyword(words) => words[0].into(),
+        ValueType::FlagOrKeyword(words) | ValueType::Keyword(words) | ValueType::NumberOrKeyword(words) => {
+            words[0].into()
+        }
         ValueType::Text => "other".into(),
         ValueType::Node(_) => unreachable!("blocks are walked"),
     }

@@ -1,5 +1,5 @@
-//! Radiosity on curved surfaces against closed forms. Between any two places inside a ball of radius R the form factor is
-//! A / 4πR², whatever their distance.
+//! Radiosity on curved surfaces against closed forms. Between any two places inside a ball of radius R the form factor
+//! is A / 4πR², whatever their distance.
 
 use super::*;
 use crate::light::{Light as SceneLight, LightKind, Omni};

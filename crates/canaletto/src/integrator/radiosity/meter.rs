@@ -4,8 +4,8 @@
 //! surfaces, and others to bright parts of the environment. What two kinds can find is weighted by their densities (the
 //! balance heuristic; Veach and Guibas 1995), so that no light counts twice.
 //!
-//! The standard error has two parts: the spread of independent sets of rays, and a bound for light that so few rays find
-//! that their spread tells nothing. No success in n trials leaves room for a probability of 3 / n (Hanley and
+//! The standard error has two parts: the spread of independent sets of rays, and a bound for light that so few rays
+//! find that their spread tells nothing. No success in n trials leaves room for a probability of 3 / n (Hanley and
 //! Lippman-Hand 1983).
 
 use super::RadiositySolution;

@@ -36,8 +36,8 @@ fn meters_below_lamps_read_closed_forms() {
     }
 }
 
-/// Two standard errors cover what is read in 95 of 100 measurements at least, and the mean of all is right: where a lamp
-/// is seen through a slit, and where it is in full view.
+/// Two standard errors cover what is read in 95 of 100 measurements at least, and the mean of all is right: where a
+/// lamp is seen through a slit, and where it is in full view.
 #[test]
 fn standard_errors_cover_rare_light() {
     let lamp = slab([-1.0, 4.0, -1.0], [1.0, 4.1, 1.0]);

@@ -107,8 +107,8 @@ pub(super) fn facets(world: &World, tolerance: f64, error: f64, limit: usize) ->
     Ok(facets)
 }
 
-/// Half the largest angle between neighbouring facets of a round lamp, relative to the root of the wanted error, and its
-/// bounds. The projected area of a ball of 2n columns and n rows varies over directions by 0.8 / n² at most.
+/// Half the largest angle between neighbouring facets of a round lamp, relative to the root of the wanted error, and
+/// its bounds. The projected area of a ball of 2n columns and n rows varies over directions by 0.8 / n² at most.
 const LAMP_ANGLE: f64 = 2.0;
 const LAMP_ANGLES: [f64; 2] = [PI / 24.0, PI / 8.0];
 

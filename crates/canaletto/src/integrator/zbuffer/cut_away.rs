@@ -79,18 +79,18 @@ fn cut_along(world: &World, camera: &Camera, [x, y]: [f64; 2], [near, far]: &mut
         world.intersect(&ray, f32::MAX).map(|hit| (t + f64::from(hit.t), hit))
     };
     let mut first = hit_from(0.0);
-    if let Some(plane) = camera.near_plane() {
-        if let Some((t, hit)) = first.filter(|(t, _)| t * along < plane) {
-            near.rays += 1;
-            near.objects.insert(name(&hit));
-            first = hit_from((plane / along).max(t));
-        }
+    if let Some(plane) = camera.near_plane()
+        && let Some((t, hit)) = first.filter(|(t, _)| t * along < plane)
+    {
+        near.rays += 1;
+        near.objects.insert(name(&hit));
+        first = hit_from((plane / along).max(t));
     }
-    if let (Some(plane), Some((t, hit))) = (camera.far_plane(), first) {
-        if t * along > plane {
-            far.rays += 1;
-            far.objects.insert(name(&hit));
-        }
+    if let (Some(plane), Some((t, hit))) = (camera.far_plane(), first)
+        && t * along > plane
+    {
+        far.rays += 1;
+        far.objects.insert(name(&hit));
     }
 }
 

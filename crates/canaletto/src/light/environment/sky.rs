@@ -51,16 +51,16 @@ impl Default for Sky {
     }
 }
 
-/// The decimal logarithm of the illuminance from the sky, relative to that with the sun at the horizon, at each 2 degrees
-/// below it (Janiczek and DeYoung, *Computer Programs for Sun and Moon Illuminance*, US Naval Observatory Circular 171,
-/// 1987): 759 lux at sunset, 3.4 lux where civil twilight ends at 6 degrees, 0.0065 lux at night.
+/// The decimal logarithm of the illuminance from the sky, relative to that with the sun at the horizon, at each 2
+/// degrees below it (Janiczek and DeYoung, *Computer Programs for Sun and Moon Illuminance*, US Naval Observatory
+/// Circular 171, 1987): 759 lux at sunset, 3.4 lux where civil twilight ends at 6 degrees, 0.0065 lux at night.
 const TWILIGHT: [f64; 10] = [0.0, -0.603, -1.404, -2.347, -3.338, -4.256, -4.974, -5.415, -5.721, -6.071];
 /// The depth below the horizon in degrees at which the sun has set: its radius, and the refraction of the air.
 const SUNSET: f64 = (16.0 + 34.0) / 60.0;
 
-/// The brightness of the sky for a height of the sun in degrees, relative to that with the sun at the horizon: 1 by day,
-/// falling until 18 degrees below the horizon, then that of the night. It is linear in its logarithm between the table's
-/// places.
+/// The brightness of the sky for a height of the sun in degrees, relative to that with the sun at the horizon: 1 by
+/// day, falling until 18 degrees below the horizon, then that of the night. It is linear in its logarithm between the
+/// table's places.
 fn twilight(height: f64) -> f64 {
     let place = (-0.5 * height).clamp(0.0, (TWILIGHT.len() - 1) as f64);
     let row = (place as usize).min(TWILIGHT.len() - 2);

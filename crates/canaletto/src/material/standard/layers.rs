@@ -32,8 +32,8 @@ pub(super) fn weighted_ior(eta: f64, weight: f64) -> f64 {
 pub(super) enum Layer {
     Fuzz,
     Coat,
-    /// The facets of the base. A facet is chosen first, and then what it does: it mirrors as metal and dielectric do, or
-    /// it lets light through the clear part.
+    /// The facets of the base. A facet is chosen first, and then what it does: it mirrors as metal and dielectric do,
+    /// or it lets light through the clear part.
     Facets,
     Diffuse,
     /// The clear part of a dielectric base whose rough facets bend no light.
@@ -90,8 +90,8 @@ impl Layers {
     }
 }
 
-/// The least probability of rough facets, as a share of what the most grazed of them mirrors. Few facets are grazed, and
-/// a direction that is found rarely must not weigh much more than others.
+/// The least probability of rough facets, as a share of what the most grazed of them mirrors. Few facets are grazed,
+/// and a direction that is found rarely must not weigh much more than others.
 const OF_GRAZED: f64 = 0.4;
 
 /// The cosine at the most grazed facet that mirrors light to a viewer at this cosine: at half the angle to the horizon.
