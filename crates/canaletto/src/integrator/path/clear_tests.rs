@@ -242,6 +242,28 @@ fn a_mirror_throws_the_suns_light_on_its_focus() {
     assert!(of(false).0 < 1e-3 * expected);
 }
 
+/// The environment's sun is the last light by day. At night no light is, and the last one is the scene's own.
+#[test]
+fn lamps_at_night_shine_as_if_the_sun_were_no_light() {
+    let floor = Material::new("floor", Phong { ks: Rgb::gray(0.3), n: 20.0, ..matte(0.5) });
+    let of = |height: f32, light: bool| {
+        let (sin, cos) = height.to_radians().sin_cos();
+        let sky = Sky { sun: Vec3::new(0.0, sin, cos), light, ..Sky::default() };
+        let lamp = Light::new(LightKind::Omni(Omni::at(Vec3::Y * 2.0)), Rgb::gray(0.5));
+        let scene = Scene {
+            environment: Some(Environment::new(EnvironmentKind::Sky(sky))),
+            materials: vec![floor.clone()],
+            nodes: vec![node(Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y }), 0), lamp.into()],
+            ..Scene::default()
+        };
+        pixels(&scene, [Vec3::new(0.0, 2.0, 5.0), Vec3::ZERO], PATH, 4)
+    };
+    for height in [-0.9, -6.0, -90.0] {
+        assert!(of(height, true) == of(height, false), "{height} degrees");
+    }
+    assert!(of(-0.5, true) != of(-0.5, false), "a part of the disk is above the horizon");
+}
+
 /// A point light in a rough ball that absorbs nothing, amid a hollow ball of albedo ρ and radius R: the light stays the
 /// same as without the ball, l / R² ρ / (1 − ρ).
 #[test]

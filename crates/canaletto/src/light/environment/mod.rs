@@ -409,12 +409,11 @@ impl PreparedEnvironment {
 
     /// The light of the sun, if the environment has one that lights the scene.
     pub fn sun(&self, environment: &Environment) -> Option<Light> {
-        let (EnvironmentKind::Sky(sky), Kind::Sky(dome)) = (&environment.kind, &self.kind) else { return None };
+        let Kind::Sky(dome) = &self.kind else { return None };
         let towards = environment.rotation.vector(-dome.sun()).as_vec3();
         let kind = LightKind::Directional(Directional { towards, beam: None });
         let intensity = (dome.sunlight() * self.intensity).saturated();
-        let shines = sky.light && dome.has_risen();
-        shines.then(|| Light { name: Some("sun".into()), ..Light::new(kind, intensity) })
+        dome.sun_is_light.then(|| Light { name: Some("sun".into()), ..Light::new(kind, intensity) })
     }
 
     /// The mean over all directions. It is the mean radiance that a ball of white matte clay reflects.

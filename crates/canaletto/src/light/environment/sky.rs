@@ -149,9 +149,8 @@ pub(super) struct PreparedSky {
     disk: Option<Rgb>,
     /// E / π of a surface that faces the sun: the intensity of its light.
     sunlight: Rgb,
-    /// Whether the sun lights the scene.
+    /// Whether the sun lights the scene. Below the horizon it doesn't.
     pub(super) sun_is_light: bool,
-    has_risen: bool,
 }
 
 /// The part of the sky at which a lookup arrives.
@@ -197,8 +196,7 @@ impl PreparedSky {
             ground: Rgb::BLACK,
             disk: (sky.disk && above > 0.0).then(|| color(disk, exposed)),
             sunlight: color(direct.map(|e| e / PI), exposed),
-            sun_is_light: sky.light,
-            has_risen: above > 0.0,
+            sun_is_light: sky.light && above > 0.0,
         };
         let lit = dome.irradiance_over_pi() + dome.sunlight * sun.y as f32;
         dome.ground = (lit * sky.ground).saturated();
@@ -208,11 +206,6 @@ impl PreparedSky {
     /// The unit direction to the sun, which isn't below the horizon.
     pub(super) fn sun(&self) -> DVec3 {
         self.sun
-    }
-
-    /// Whether a part of the sun's disk is above the horizon.
-    pub(super) fn has_risen(&self) -> bool {
-        self.has_risen
     }
 
     /// E/π of a surface that faces the sun.
