@@ -6,7 +6,7 @@ use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::{Rgb, Transform};
 use crate::scene::{Content, Node, Scene};
-use crate::shape::{Cylinder, Disk, Mesh, Plane, Shape, Sphere, Torus};
+use crate::shape::{Cone, Cylinder, Disk, Mesh, Plane, Shape, Sphere, Torus};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
@@ -62,6 +62,8 @@ fn over_side(solution: &RadiositySolution, instance: u32, is_outer: bool, of: im
 #[test]
 fn hollow_bodies_glow_evenly() {
     let tube = Cylinder { base: Vec3::NEG_Y, top: Vec3::Y, radius: 0.5, caps: true };
+    let cone = Cone { base: Vec3::NEG_Y, top: Vec3::Y, radius: 0.8, top_radius: 0.2, caps: true };
+    let torus = Torus { center: Vec3::ZERO, axis: Vec3::Y, radius: 1.0, tube: 0.3 };
     let round = ball(Vec3::ZERO, 1.0);
     let stretched = Node::from(round).with_transform(&Transform::scale(DVec3::new(1.0, 3.0, 0.5)).unwrap());
     for (name, nodes, error, room) in [
@@ -70,6 +72,8 @@ fn hollow_bodies_glow_evenly() {
         ("ball in a ball", vec![Node::from(round), ball(Vec3::new(0.2, 0.1, 0.0), 0.4).into()], 0.1, 1e-3),
         ("stretched ball", vec![stretched], 0.1, 0.05),
         ("tube", vec![Shape::Cylinder(tube).into()], 0.1, 0.05),
+        ("cone", vec![Shape::Cone(cone).into()], 0.1, 0.05),
+        ("torus", vec![Shape::Torus(torus).into()], 0.2, 0.05),
     ] {
         let nodes: Vec<Node> = nodes.into_iter().map(|node: Node| node.with_material(0)).collect();
         let bodies = nodes.len() as u32;

@@ -159,7 +159,7 @@ impl<'w> PatchMesh<'w> {
         let material = &self.world.materials()[root.material as usize];
         let has_own_color = Cell::new(false);
         let at_cell = |cell: usize| {
-            let point = element.outline.cell(cell);
+            let point = root.within_rim(self.world, element.outline.cell(cell));
             let line = root.line_through(point);
             let met = self.world.surface_of(root.instance, root.primitive_at(point), line);
             let at = match met {
@@ -167,7 +167,10 @@ impl<'w> PatchMesh<'w> {
                     has_own_color.set(has_own_color.get() || surface.color.is_some());
                     self.world.material_point(material, (line, &hit), &mut surface, None, &mut ())
                 }
-                None => MaterialPoint { model: material.model, ..MaterialPoint::default() },
+                None => {
+                    let two_sided = material.two_sided;
+                    MaterialPoint { model: material.model, two_sided, ..MaterialPoint::default() }
+                }
             };
             let seen = f64::from(at.coverage * (1.0 - at.overlay.1));
             [at.phong().kd, at.emitted(root.is_outer)].map(|color| vector(color) * seen)

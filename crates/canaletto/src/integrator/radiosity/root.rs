@@ -84,6 +84,22 @@ impl Root {
         DRay { origin: point + self.normal * self.reach, direction: self.normal * (-2.0 * self.reach) }
     }
 
+    /// A point of the outline, moved towards its middle until it lies on the surface. The triangles of a cap or a disk
+    /// reach beyond its round rim.
+    pub(super) fn within_rim(&self, world: &World, point: DVec3) -> DVec3 {
+        let is_round = self.is_flat && self.outline.corners().len() == 3;
+        if !is_round {
+            return point;
+        }
+        let is_met = |p: &DVec3| {
+            let met = world.surface_of(self.instance, self.primitive_at(*p), self.line_through(*p));
+            met.is_some_and(|(hit, _)| hit.part == self.part)
+        };
+        let middle = self.outline.center();
+        let nearer = |step: u32| point + (middle - point) * (f64::from(step) / 8.0);
+        (0..5).map(nearer).find(is_met).unwrap_or(point)
+    }
+
     /// The origin of rays that leave the surface on this side near a point of the outline.
     pub(super) fn ray_origin(&self, world: &World, point: DVec3) -> Vec3 {
         if !self.is_flat
@@ -93,6 +109,7 @@ impl Root {
             let normal = if surface.normal.dot(self.normal) < 0.0 { -surface.normal } else { surface.normal };
             return offset_origin(surface.point, surface.error, normal, normal);
         }
+        let point = self.within_rim(world, point);
         offset_origin(point.as_vec3(), self.error, self.normal, self.normal)
     }
 }
