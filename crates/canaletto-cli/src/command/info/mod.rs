@@ -50,7 +50,7 @@ Examples:
   canaletto info scenes/still-life.kdl --json | jq .census.primitives
   canaletto render scenes/chapter/box-5.4.kdl -o box.png
   canaletto info box.png                         # its settings, and the command that makes it again
-  canaletto info box.png --json | jq -r '.command | @sh' | sh   # makes it again";
+  canaletto info box.png --json | jq -r '.command | @sh' | (cd scenes/chapter && sh)   # does so";
 
 /// The content of the summary.
 struct Info {

@@ -143,7 +143,7 @@ Examples:
   canaletto render scenes/path.kdl --samples 1024 --continue path.exr -o path.exr
   canaletto render scenes/path.kdl --noise 0.1 --preview=live.png
   canaletto render scenes/path.kdl --watch --preview         # while the scene is being written
-  cat scenes/path.kdl | canaletto render - -o made.png       # a scene text on the standard input";
+  cat scenes/stairs.kdl | canaletto render - -o made.png     # a scene text on the standard input";
 
 fn long_help() -> String {
     format!(
