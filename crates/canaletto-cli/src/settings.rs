@@ -4,6 +4,7 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
+use crate::metering::EXPOSURE;
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
@@ -233,7 +234,7 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     ];
     // Without an exposure a file is as it would be if there were none.
     if developing.exposure != Exposure::default() {
-        texts.push(("exposure", developing.exposure.to_string()));
+        texts.push((EXPOSURE, developing.exposure.to_string()));
     }
     texts.extend(integrator.settings());
     texts.push(("seed", seed.to_string()));

@@ -336,8 +336,8 @@ fn kind_words(kind: RayKind) -> &'static str {
 const STYLE: &str = "\
     :root{color-scheme:light dark}body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:1.5rem auto;\
     padding:0 1rem;background:#fff;color:#222}h1{font-size:1.4rem;overflow-wrap:anywhere}h2{font-size:1.1rem;\
-    margin-top:2rem}figure{margin:0;overflow-x:auto}svg{max-width:100%;height:auto}table{border-collapse:collapse;margin:.4rem 0}\
-    th,td{text-align:left;padding:.15rem .8rem .15rem 0;border-bottom:1px solid #ddd;vertical-align:top;\
+    margin-top:2rem}figure{margin:0;overflow-x:auto}svg{max-width:100%;height:auto}\
+    table{border-collapse:collapse;margin:.4rem 0}th,td{text-align:left;padding:.15rem .8rem .15rem 0;border-bottom:1px solid #ddd;vertical-align:top;\
     font-variant-numeric:tabular-nums}th{font-weight:normal;white-space:pre}td:nth-child(2){color:#777}\
     .swatch{display:inline-block;width:1.1em;height:1.1em;border:1px solid #888;vertical-align:-.2em}\
     details.node{border-left:3px solid #ccc;padding-left:.8rem;margin:.5rem 0}summary{cursor:pointer}\

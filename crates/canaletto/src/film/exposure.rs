@@ -30,9 +30,9 @@ pub fn metered_exposure(picture: &Picture) -> f32 {
     ((stops * 100.0).round().clamp(-6400.0, 6400.0) / 100.0) as f32 + 0.0
 }
 
-/// The luminance of sRGB's primaries (ITU-R BT.709); 0 of what isn't light.
+/// The luminance; 0 of what isn't light.
 fn luminance(color: Rgb) -> f32 {
-    let luminance = 0.2126 * color.r + 0.7152 * color.g + 0.0722 * color.b;
+    let luminance = color.luminance();
     if luminance.is_finite() { luminance.max(0.0) } else { 0.0 }
 }
 

@@ -88,7 +88,7 @@ impl Channel {
     pub fn of(self, [r, g, b, a]: [f32; 4]) -> f32 {
         match self {
             Channel::Luminance if r == g && g == b => r,
-            Channel::Luminance => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+            Channel::Luminance => Rgb::new(r, g, b).luminance(),
             Channel::Red => r,
             Channel::Green => g,
             Channel::Blue => b,

@@ -42,6 +42,12 @@ impl Rgb {
         self.r.max(self.g).max(self.b)
     }
 
+    /// The luminance of sRGB's primaries (ITU-R BT.709).
+    #[inline]
+    pub fn luminance(self) -> f32 {
+        0.2126 * self.r + 0.7152 * self.g + 0.0722 * self.b
+    }
+
     /// Whether every component is zero, so that all its products vanish.
     #[inline]
     pub fn is_black(self) -> bool {

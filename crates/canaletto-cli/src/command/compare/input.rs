@@ -2,7 +2,7 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::metering::METERED_EXPOSURE;
+use crate::metering::exposure_text;
 use crate::picture_file::read_picture;
 use crate::settings::list;
 use canaletto::Named;
@@ -74,7 +74,7 @@ impl Input {
     pub(in crate::command) fn exposure_and_tone(&self) -> Option<(Exposure, Tone)> {
         let text = |key: &str| self.decoded.metadata.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
         let tone = Tone::from_name(text("tone")?).filter(|_| self.decoded.display_referred)?;
-        let exposure = text(METERED_EXPOSURE).or(text("exposure")).and_then(|text| text.parse().ok());
+        let exposure = exposure_text(&self.decoded.metadata).and_then(|text| text.parse().ok());
         Some((exposure.unwrap_or_default(), tone))
     }
 

@@ -7,7 +7,7 @@ use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
-use crate::metering::METERED_EXPOSURE;
+use crate::metering::{EXPOSURE, METERED_EXPOSURE, exposure_text};
 use crate::output::{check_files, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
@@ -169,11 +169,11 @@ impl DenoiseFlags {
     /// How the picture is developed: as the flags say, or as the texts of its file do, which get what is chosen.
     fn developing(&self, texts: &mut Vec<(String, String)>, picture: &Picture) -> Developing {
         let text = |key: &str| texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
-        let told = text(METERED_EXPOSURE).or(text("exposure")).and_then(|text| text.parse().ok());
+        let told = exposure_text(texts).and_then(|text| text.parse().ok());
         let exposure = self.exposure.or(told.filter(|_| self.tone.is_none())).unwrap_or_default();
         let tone = self.tone.or(text("tone").and_then(Tone::from_name)).unwrap_or_default();
         let transfer = self.transfer.or(text("transfer").and_then(Transfer::from_name)).unwrap_or_default();
-        texts.retain(|(key, _)| !["exposure", METERED_EXPOSURE, "tone", "transfer"].contains(&key.as_str()));
+        texts.retain(|(key, _)| ![EXPOSURE, METERED_EXPOSURE, "tone", "transfer"].contains(&key.as_str()));
         texts.push(("tone".into(), tone.name().into()));
         texts.push(("transfer".into(), transfer.name().into()));
         let stops = match exposure {
@@ -182,7 +182,7 @@ impl DenoiseFlags {
         };
         let exposure = Exposure::Stops(stops);
         if exposure != Exposure::default() {
-            texts.push(("exposure".into(), exposure.to_string()));
+            texts.push((EXPOSURE.into(), exposure.to_string()));
         }
         Developing { exposure, tone, transfer }
     }

@@ -1,7 +1,7 @@
 //! The command that makes a picture again, from the settings in its file.
 
 use crate::complete::PICTURE_TRANSFER;
-use crate::metering::METERED_EXPOSURE;
+use crate::metering::exposure_text;
 use canaletto::Named;
 use canaletto::render::Aov;
 use canaletto::scene::{Integrator, SamplePattern};
@@ -33,7 +33,7 @@ impl Recipe {
         flags.with("--samples", samples);
         flags.with("--sampler", text("sampler"));
         flags.with("--seed", text("seed").filter(|seed| *seed != "0"));
-        flags.with("--exposure", text(METERED_EXPOSURE).or(text("exposure")));
+        flags.with("--exposure", exposure_text(&decoded.metadata));
         flags.with("--tone", text("tone"));
         flags.with("--transfer", text(PICTURE_TRANSFER).or(text("transfer")));
         flags.with("--integrator", text("integrator"));

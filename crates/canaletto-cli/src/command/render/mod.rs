@@ -291,8 +291,8 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let is_for_all = |output: &Path| is_folder(output, flags) || pattern(output).is_some();
     if let Some(one) = output.filter(|output| !is_for_all(output)) {
         let message = format!("--output {} is no folder, but there are several scenes", one.display());
-        let help = "give a folder that exists, or --mkdir, or a pattern such as 'pictures/{name}.png'; without --output \
-                    each picture is called like its scene";
+        let help = "give a folder that exists, or --mkdir, or a pattern such as 'pictures/{name}.png'; without \
+                    --output each picture is called like its scene";
         return Err(Failure::usage(message).help(help));
     }
     let mut exit = Exit::Done;

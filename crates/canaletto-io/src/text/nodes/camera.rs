@@ -27,7 +27,11 @@ const UP: Field<DVec3> =
     Field::new("up", "a direction that is upwards in the picture").or(|| numbers(Extrinsics::default().up.to_array()));
 const FOVY: Field<f64> = Field::new("fovy", "the whole vertical angle of view in degrees, between 0 and 180")
     .or(|| Intrinsics::default().fovy.to_string());
-const NEAR: Field<f64> = Field::new("near", "the distance of the projection plane; rays start at the eye all the same, but a z-buffer draws nothing in front of a given one")
+const NEAR: Field<f64> = Field::new(
+    "near",
+    "the distance of the projection plane; rays start at the eye all the same, but a z-buffer draws nothing in front of \
+     a given one",
+)
     .or(|| Intrinsics::DEFAULT_NEAR.to_string());
 const FAR: Field<f64> =
     Field::new("far", "the distance beyond which a z-buffer draws nothing").or(|| "none".to_owned());

@@ -195,7 +195,8 @@ fn textures_of_m(scene: &Scene) -> Vec<TextureUse> {
 
 #[test]
 fn blocks_are_chosen_by_their_names() {
-    let text = "texture \"a\" kind=\"checker\"\ntexture \"b\" kind=\"noise\"\nmaterial \"m\" { texture \"a\"; texture \"b\" use=\"bump\" height=1 }\n\
+    let text = "texture \"a\" kind=\"checker\"\ntexture \"b\" kind=\"noise\"\nmaterial \"m\" { texture \"a\"; texture \"b\" use=\"bump\" \
+        height=1 }\n\
         sphere material=\"m\" { center 0 0 0; radius 1 }";
     let uses = |set: &[&str]| scene_with(&format!("{SCENE}{text}"), set).map(|scene| textures_of_m(&scene));
     let (before, after) = (uses(&[]).unwrap(), uses(&["material.m.texture.b.height=2"]).unwrap());

@@ -238,8 +238,8 @@ impl RadiositySolution {
         });
         let far = planes_without_patches(world).into_iter().map(|plane| {
             format!(
-                "the plane \"{plane}\" gets no light by radiosity, since all other surfaces are far from it; a rectangle \
-                 in its place helps"
+                "the plane \"{plane}\" gets no light by radiosity, since all other surfaces are far from it; \
+                 a rectangle in its place helps"
             )
         });
         limit.into_iter().chain(far).collect()

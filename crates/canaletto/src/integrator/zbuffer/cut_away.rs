@@ -61,8 +61,8 @@ pub(super) fn cut_away(world: &World, job: &Job) -> Vec<Omission> {
         };
         let side = if name == "near" { "nearer to the eye than near" } else { "farther from the eye than far" };
         let sentence = format!(
-            "a z-buffer draws nothing that is {side} = {plane}, and this cuts objects in view{share}; without {name} in \
-             the camera nothing is cut"
+            "a z-buffer draws nothing that is {side} = {plane}, and this cuts objects in view{share}; \
+             without {name} in the camera nothing is cut"
         );
         (!cut.objects.is_empty()).then(|| Omission::substitute(sentence, cut.objects.into_iter().collect()))
     });
