@@ -89,7 +89,8 @@ impl World {
         if !self.materials.iter().any(is_filled) {
             return Vec::new();
         }
-        let open_edges = |shells: &Option<Shells>| shells.as_ref().map_or_else(Vec::new, |s| s.open_edges().to_vec());
+        let open_edges =
+            |shells: &Option<Box<Shells>>| shells.as_ref().map_or_else(Vec::new, |s| s.open_edges().to_vec());
         let mut open: Vec<Vec<OpenEdges>> = self.shells.iter().map(open_edges).collect();
         let mut left = open.iter().filter(|edges| !edges.is_empty()).count();
         let mut found = Vec::new();
@@ -262,9 +263,9 @@ fn solid(shape: &Shape) -> Option<f64> {
 }
 
 /// For each mesh that may be clear, its closed parts.
-pub(super) fn shells(geometries: &[Geometry], may_be_clear: impl Fn(usize) -> bool + Sync) -> Vec<Option<Shells>> {
+pub(super) fn shells(geometries: &[Geometry], may_be_clear: impl Fn(usize) -> bool + Sync) -> Vec<Option<Box<Shells>>> {
     let of = |(index, geometry): (usize, &Geometry)| match geometry {
-        Geometry::Mesh { mesh, .. } if may_be_clear(index) && !mesh.one_sided => Some(Shells::of(mesh)),
+        Geometry::Mesh { mesh, .. } if may_be_clear(index) && !mesh.one_sided => Some(Box::new(Shells::of(mesh))),
         _ => None,
     };
     geometries.iter().enumerate().map(of).collect()

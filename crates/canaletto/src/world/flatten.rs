@@ -14,6 +14,7 @@ use super::origin::{Exactly, FAR, Spans, away_from, origin_of, relative_to, roun
 use super::part::{FinishedPart, Part, check_light};
 use super::required_spaces::RequiredSpaces;
 use super::reuse::{Previous, ReuseCounts};
+use super::single_shapes::{SharedShape, SingleShape};
 use super::{BuildError, Object, World};
 use crate::light::Light;
 use crate::math::{AnimatedTransform, Transform};
@@ -82,6 +83,8 @@ pub(super) struct Builder {
     pub(super) geometry_of_mesh: HashMap<(u32, u32), u32>,
     pub(super) geometry_of_spheres: HashMap<u32, u32>,
     pub(super) geometry_of_cylinders: HashMap<u32, u32>,
+    /// The last shapes with geometries of their own.
+    pub(super) shared_shapes: Vec<SharedShape>,
     pub(super) finished: HashMap<u32, FinishedPart>,
     pub(super) open: Vec<u32>,
     pub(super) objects: Vec<Object>,
@@ -326,29 +329,21 @@ impl Builder {
         let number = part.object_numbers.last();
         let casts_shadow = place.casts_shadow;
         let shapes = if casts_shadow { &mut part.shapes } else { &mut part.shadowless_shapes };
-        if shapes.shapes.is_empty() {
-            shapes.first_object = number;
-        }
-        let among_shapes = u32::try_from(number - shapes.first_object);
         match moved {
             Some(moved) if moved.bounds().is_none() => {
                 let own = (!stays).then_some((shape, transform));
                 self.unbounded(part, Unbounded { shape: moved, object: number, material, own, origin, casts_shadow })?;
             }
-            Some(moved) if stays && let Ok(among_shapes) = among_shapes => {
+            Some(moved) if stays && shapes.has_room_for(number) => {
                 moved.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
-                shapes.shapes.push(moved);
-                shapes.objects.push(among_shapes);
-                shapes.materials.push(material);
+                shapes.push(moved, number, material);
             }
             None if shape.bounds().is_none() => return Err(self.invalid(object, out_of_range_message())),
             // The transform would lose the shape's kind or a space that its textures need, or there are more than
             // 2³² copies before the shape.
             _ => {
-                let geometry = self.push(Geometry::shapes(vec![shape], vec![0], vec![material]), object)?;
-                self.set_origin(geometry, origin);
-                let to_world = (!transform.is_identity()).then_some(transform);
-                self.instance(part, Instance { to_world, casts_shadow, ..Instance::of(geometry, number) })?;
+                let single = SingleShape { shape, material, object, number, transform, origin, casts_shadow };
+                return self.place_single(single, part);
             }
         }
         Ok(())

@@ -20,7 +20,7 @@ pub(super) enum Geometry {
     /// instance's first object. The tree holds copies of the spheres and cylinders.
     Shapes { tree: PrimitiveBvh, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh. The tree holds a copy of the corners for ray tests.
-    Mesh { triangles: TriangleBvh, mesh: Mesh },
+    Mesh { triangles: TriangleBvh, mesh: Box<Mesh> },
     /// A cloud of spheres. The tree holds a copy for ray tests.
     Spheres { tree: PrimitiveBvh, cloud: SphereCloud },
     /// A cloud of cylinders. The tree holds a copy for ray tests.
@@ -75,7 +75,7 @@ impl Geometry {
 
     pub(super) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, BuildError> {
         let triangles = TriangleBvh::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
-        Ok(Geometry::Mesh { triangles, mesh })
+        Ok(Geometry::Mesh { triangles, mesh: Box::new(mesh) })
     }
 
     pub(super) fn spheres(cloud: SphereCloud) -> Result<Geometry, BuildError> {

@@ -15,13 +15,16 @@ pub(super) struct InstancingPolicy {
     pub(super) members: usize,
     /// A kept prototype, dissolved at all references, would take more than 1 / `part` of the remaining instances.
     pub(super) part: usize,
+    /// The number of single shapes under one transform that are instances of their own. The scene's tree tells few
+    /// shapes apart faster than a tree for each transform does.
+    pub(super) alone: usize,
 }
 
 impl Default for InstancingPolicy {
     /// With these values, dissolving a prototype takes at most about 20 MiB, and some instances always remain for the
     /// others. A prototype of few members is no smaller as a group.
     fn default() -> InstancingPolicy {
-        InstancingPolicy { members: 4, part: 64 }
+        InstancingPolicy { members: 4, part: 64, alone: 64 }
     }
 }
 
@@ -56,7 +59,7 @@ impl Builder {
     pub(super) fn as_group(&mut self, index: u32, instances: Vec<Instance>) -> Result<Vec<Instance>, BuildError> {
         let moves = instances.iter().any(|instance| instance.motion != NONE);
         let nested = instances.iter().any(|instance| instance.group != NONE);
-        let InstancingPolicy { members, part } = self.instancing;
+        let InstancingPolicy { members, part, .. } = self.instancing;
         let expanded = instances.len().saturating_mul(self.uses.get(index as usize).map_or(0, |&uses| uses as usize));
         let many = instances.len() >= members && expanded > self.room() / part;
         // The transforms of groups can only be composed with those of their members from the innermost outwards. They

@@ -14,8 +14,8 @@ use crate::shape::{Cuboid, Mesh, Plane, Shape, Sphere, SphereCloud, Torus};
 use canaletto_bvh::Ray;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-const WHOLE: InstancingPolicy = InstancingPolicy { members: 1, part: usize::MAX };
-const DISSOLVED: InstancingPolicy = InstancingPolicy { members: usize::MAX, part: 1 };
+const WHOLE: InstancingPolicy = InstancingPolicy { members: 1, part: usize::MAX, alone: 64 };
+const DISSOLVED: InstancingPolicy = InstancingPolicy { members: usize::MAX, part: 1, alone: 64 };
 
 fn built(scene: &Scene, instancing: InstancingPolicy) -> World {
     World::lower(scene.clone(), &BuildOptions::default(), instancing, Previous::default()).unwrap()

@@ -45,6 +45,7 @@ mod shadow;
 mod shadow_tests;
 mod shape_list;
 mod shells;
+mod single_shapes;
 mod solids;
 mod textured;
 mod visible_lights;
@@ -145,7 +146,7 @@ pub struct World {
     /// The bounds of all instances that may let light through.
     clear_bounds: Aabb,
     /// For each geometry that is a mesh and may be clear, its closed parts.
-    shells: Vec<Option<Shells>>,
+    shells: Vec<Option<Box<Shells>>>,
     /// The boxes in which a clear surface may touch anything.
     zones: Zones,
 }

@@ -12,9 +12,9 @@ use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
 
 const POLICIES: [InstancingPolicy; 3] = [
-    InstancingPolicy { members: 4, part: 64 },
-    InstancingPolicy { members: 1, part: usize::MAX },
-    InstancingPolicy { members: usize::MAX, part: 1 },
+    InstancingPolicy { members: 4, part: 64, alone: 64 },
+    InstancingPolicy { members: 1, part: usize::MAX, alone: 1 },
+    InstancingPolicy { members: usize::MAX, part: 1, alone: usize::MAX },
 ];
 
 fn below(random: &mut Random, n: usize) -> usize {

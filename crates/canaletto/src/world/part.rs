@@ -8,6 +8,7 @@ use super::geometry::Geometry;
 use super::instance::{Instance, NONE, Unbounded};
 use super::motion::MovingLight;
 use super::object_numbers::ObjectNumbers;
+use super::single_shapes::SameTransform;
 use crate::light::Light;
 use crate::math::Transform;
 use crate::shape::Shape;
@@ -20,6 +21,8 @@ pub(super) struct Part {
     pub(super) shapes: PartShapes,
     /// The shapes that cast no shadow.
     pub(super) shadowless_shapes: PartShapes,
+    /// Shapes under the last transforms that keep shapes out of these lists.
+    pub(super) same_transforms: Vec<SameTransform>,
     pub(super) instances: Vec<Instance>,
     pub(super) lights: Vec<Light>,
     pub(super) moving_lights: Vec<MovingLight>,
@@ -35,6 +38,24 @@ pub(super) struct PartShapes {
     /// The numbers of the shapes' objects, counted from the first one.
     pub(super) objects: Vec<u32>,
     pub(super) materials: Vec<u32>,
+}
+
+impl PartShapes {
+    /// Whether the number of this object, counted from the first shape's, fits.
+    pub(super) fn has_room_for(&self, object: u64) -> bool {
+        self.shapes.is_empty() || u32::try_from(object - self.first_object).is_ok()
+    }
+
+    /// Adds a shape of this object.
+    pub(super) fn push(&mut self, shape: Shape, object: u64, material: u32) {
+        debug_assert!(self.has_room_for(object));
+        if self.shapes.is_empty() {
+            self.first_object = object;
+        }
+        self.shapes.push(shape);
+        self.objects.push((object - self.first_object) as u32);
+        self.materials.push(material);
+    }
 }
 
 /// A part whose single shapes have become instances.
@@ -85,20 +106,30 @@ impl Builder {
     }
 
     /// Turns a part's single shapes into instances.
-    pub(super) fn finish_part(&mut self, part: Part) -> Result<FinishedPart, BuildError> {
-        let Part { object_numbers, shapes, shadowless_shapes, mut instances, lights, moving_lights, unbounded } = part;
-        for (list, casts_shadow) in [(shapes, true), (shadowless_shapes, false)] {
-            let PartShapes { shapes, first_object, objects, materials } = list;
-            if shapes.is_empty() {
-                continue;
+    pub(super) fn finish_part(&mut self, mut part: Part) -> Result<FinishedPart, BuildError> {
+        for same in std::mem::take(&mut part.same_transforms) {
+            self.place_same(same, &mut part)?;
+        }
+        let Part { object_numbers, shapes, shadowless_shapes, mut instances, lights, moving_lights, unbounded, .. } =
+            part;
+        for (shapes, casts_shadow) in [(shapes, true), (shadowless_shapes, false)] {
+            if let Some((geometry, first_object)) = self.shapes_geometry(shapes)? {
+                instances.push(Instance { casts_shadow, ..Instance::of(geometry, first_object) });
             }
-            let geometry = Geometry::shapes(shapes, objects, materials).map_err(|e| hierarchy_error("shapes", &e))?;
-            self.geometries.push(geometry);
-            self.owners.push(NONE);
-            let geometry = self.geometries.len() as u32 - 1;
-            instances.push(Instance { casts_shadow, ..Instance::of(geometry, first_object) });
         }
         Ok(FinishedPart { object_numbers, instances, lights, moving_lights, unbounded, origin: DVec3::ZERO })
+    }
+
+    /// The geometry of shapes and the number of its first object, unless there are none.
+    pub(super) fn shapes_geometry(&mut self, shapes: PartShapes) -> Result<Option<(u32, u64)>, BuildError> {
+        let PartShapes { shapes, first_object, objects, materials } = shapes;
+        if shapes.is_empty() {
+            return Ok(None);
+        }
+        let geometry = Geometry::shapes(shapes, objects, materials).map_err(|e| hierarchy_error("shapes", &e))?;
+        self.geometries.push(geometry);
+        self.owners.push(NONE);
+        Ok(Some((self.geometries.len() as u32 - 1, first_object)))
     }
 
     /// Adds the geometry of the part's last object, with its own and its inherited material.

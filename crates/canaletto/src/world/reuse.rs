@@ -124,13 +124,13 @@ impl Geometry {
             |(old, tree): &(Mesh, TriangleBvh)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
         if let Some((old, mut triangles)) = mesh_of(before).filter(usable) {
             if same(&old.positions, &mesh.positions) {
-                return Ok((Geometry::Mesh { triangles, mesh }, Origin::Kept));
+                return Ok((Geometry::Mesh { triangles, mesh: Box::new(mesh) }, Origin::Kept));
             }
             drop(old);
             if let Some(most) = slack.most(mesh.len()) {
                 let built = triangles.refit_within(most, |id| mesh.corners(id as usize))?;
                 let origin = if built { Origin::Built } else { Origin::Refitted };
-                return Ok((Geometry::Mesh { triangles, mesh }, origin));
+                return Ok((Geometry::Mesh { triangles, mesh: Box::new(mesh) }, origin));
             }
         }
         Ok((Geometry::mesh(mesh, quality)?, Origin::Built))
@@ -162,7 +162,7 @@ impl Geometry {
 
 fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
     match geometry {
-        Some(Geometry::Mesh { triangles, mesh }) => Some((mesh, triangles)),
+        Some(Geometry::Mesh { triangles, mesh }) => Some((*mesh, triangles)),
         _ => None,
     }
 }
