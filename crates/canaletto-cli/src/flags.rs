@@ -176,12 +176,12 @@ pub(crate) struct PictureFlags {
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
 
-    /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture. EXR files keep their
-    /// light
+    /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture, as paths do by default.
+    /// EXR files keep their light
     #[arg(long, value_name = "STOPS", allow_hyphen_values = true, help_heading = "Colour")]
     pub exposure: Option<Exposure>,
 
-    /// Sets the mapping of exposed light to the range of a display
+    /// Sets the mapping of exposed light to the range of a display [default: clamp; of paths agx]
     #[arg(long, value_name = "HOW", value_parser = named::<Tone>(), help_heading = "Colour")]
     pub tone: Option<Tone>,
 

@@ -43,6 +43,7 @@ mod solutions;
 mod source;
 mod stdout;
 mod terminal;
+mod told_developing;
 mod watch;
 mod watched;
 

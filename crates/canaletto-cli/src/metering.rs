@@ -13,17 +13,6 @@ use canaletto::scene::Exposure;
 use canaletto::world::World;
 use std::sync::Arc;
 
-/// The text entry of a picture's file for the stops that `auto` became.
-pub(crate) const METERED_EXPOSURE: &str = "auto-exposure";
-/// The text entry of the exposure that was asked for.
-pub(crate) const EXPOSURE: &str = "exposure";
-
-/// The exposure that the texts of a picture's file name: the stops that `auto` became, or those that were given.
-pub(crate) fn exposure_text(texts: &[(String, String)]) -> Option<&str> {
-    let text = |key: &str| texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
-    text(METERED_EXPOSURE).or(text(EXPOSURE))
-}
-
 /// Whether a job's exposure has to be metered.
 pub(crate) fn is_metered(job: &Job) -> bool {
     job.developing().exposure == Exposure::Auto

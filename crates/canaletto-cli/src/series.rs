@@ -9,7 +9,7 @@ use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
-use crate::metering::{METERED_EXPOSURE, exposed, first_frame, is_metered, is_metered_elsewhere, meter};
+use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, shortfalls};
 use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
@@ -20,6 +20,7 @@ use crate::shooting_steps::StepWriter;
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
+use crate::told_developing::METERED_EXPOSURE;
 use canaletto::Named;
 use canaletto::film::metered_exposure;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
@@ -149,6 +150,11 @@ impl<'a> Series<'a> {
                 }
                 continue;
             }
+            // No two worlds are there at once.
+            if self.metered.is_none() && is_metered(&frame_context.job) && is_metered_elsewhere(&self.reader, frame) {
+                let (first, job) = first_frame(&mut self.reader, (&self.flags.source, &self.flags.picture))?;
+                self.metered = Some(meter(&self.reader.name, &first, &job, None)?);
+            }
             if let Some(scene) = frame_context.scene.take() {
                 let options = self.flags.source.build_options(rays(&frame_context.job));
                 let options = seen_through(&frame_context.camera, &scene, options);
@@ -261,10 +267,6 @@ impl<'a> Series<'a> {
         }
         let stops = match self.metered {
             Some(stops) => stops,
-            None if is_metered_elsewhere(&self.reader, frame) => {
-                let (first, job) = first_frame(&mut self.reader, (&self.flags.source, &self.flags.picture))?;
-                meter(&self.reader.name, &first, &job, None)?
-            }
             // The pictures of shooting steps are those of the frame's own solution.
             None if self.plan.steps.is_some() => meter(&self.reader.name, world, &frame_context.job, None)?,
             None => {

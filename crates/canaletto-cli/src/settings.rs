@@ -4,7 +4,7 @@ use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
-use crate::metering::EXPOSURE;
+use crate::told_developing::{EXPOSURE, TONE, TRANSFER};
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::render::{Job, JobError};
@@ -228,12 +228,13 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("sampling", sampling_words(film)),
         ("sampler", film.sampler.name().into()),
         ("filter", filter_words(film.filter)),
-        ("tone", developing.tone.name().into()),
-        ("transfer", film.transfer.name().into()),
+        (TONE, developing.tone.name().into()),
+        (TRANSFER, film.transfer.name().into()),
         ("integrator", integrator.name().into()),
     ];
-    // Without an exposure a file is as it would be if there were none.
-    if developing.exposure != Exposure::default() {
+    // An exposure of 0 is told where it isn't what a film without an exposure has.
+    let unset = FilmSettings { exposure: None, ..*film }.developing(integrator).exposure;
+    if [developing.exposure, unset] != [Exposure::default(); 2] {
         texts.push((EXPOSURE, developing.exposure.to_string()));
     }
     texts.extend(integrator.settings());

@@ -56,6 +56,12 @@ impl Folder {
         self.picture(name).metadata.into_iter().find(|(own, _)| own == key).map(|(_, text)| text)
     }
 
+    /// The stops that a picture's exposure became.
+    #[track_caller]
+    fn stops(&self, name: &str) -> f32 {
+        self.text(name, "auto-exposure").unwrap_or_else(|| panic!("{name} tells no metered exposure")).parse().unwrap()
+    }
+
     #[track_caller]
     fn same(&self, a: &str, b: &str) {
         assert!(self.picture(a).image == self.picture(b).image, "{a} and {b} differ");
@@ -491,4 +497,98 @@ fn memory_is_told_beforehand() {
         let ratio = told / real;
         assert!((0.75..1.4).contains(&ratio), "{flags}: told {told}, real {real}");
     }
+}
+
+/// A room by day whose window takes a small part of the picture. Nothing says how it is developed.
+const ROOM: &str = r#"
+camera { eye 0 1.2 2.6; center -0.4 1.2 -2; fovy 65; size 36 24 }
+integrator "path" { max-depth 4 }
+film { samples 16 }
+background 1 1.2 1.6
+material "white" { kd 0.6 0.55 0.5 }
+box material="white" { min -2 -0.1 -2; max 2 0 3 }
+box material="white" { min -2 2.5 -2; max 2 2.6 3 }
+box material="white" { min -2 0 -2.1; max 2 2.5 -2 }
+box material="white" { min -2 0 3; max 2 2.5 3.1 }
+box material="white" { min 2 0 -2; max 2.1 2.5 3 }
+box material="white" { min -2.1 0 -2; max -2 1 3 }
+box material="white" { min -2.1 1.8 -2; max -2 2.5 3 }
+box material="white" { min -2.1 1 -0.6; max -2 1.8 3 }
+"#;
+
+/// A room by day is shown as a photo, with nothing said: neither dark nor white. Parts of it, previews, films and pictures
+/// that go on have the same exposure, and files that are developed later take it over.
+#[test]
+fn a_room_is_a_photo_by_default() {
+    let folder = Folder::new();
+    fs::write(folder.path("s.kdl"), ROOM).unwrap();
+    folder.says("render s.kdl -o a.png", 0, &["auto exposure: "]);
+    let stops = folder.stops("a.png");
+    assert!(stops > 2.0, "the room's own numbers are far too dark: {stops} stops");
+    let shown = folder.picture("a.png").image.rgb().unwrap().map(<[f32]>::to_vec);
+    let shares = |low: f32, high: f32| {
+        let pixels = shown[1].iter().filter(|v| (low..=high).contains(*v)).count();
+        pixels as f32 / shown[1].len() as f32
+    };
+    assert!(shares(0.25, 0.9) > 0.8, "{}", shares(0.25, 0.9));
+    assert!(shares(0.0, 0.1) < 0.05, "{}", shares(0.0, 0.1));
+    folder.says(&format!("render s.kdl -o b.png --exposure {stops} --tone agx"), 0, &[]);
+    folder.same("a.png", "b.png");
+    folder.says("render s.kdl -o b.png --crop 3,2,9,8 --samples 1 --seed 5", 0, &[]);
+    assert_eq!(folder.stops("b.png"), stops);
+    // An EXR holds light, whatever is said of exposure. Pictures that are made of it are developed like the PNG.
+    folder.says("render s.kdl -o a.exr", 0, &[]);
+    folder.says("render s.kdl -o b.exr --exposure 3 --tone clamp", 0, &[]);
+    assert_eq!(folder.picture("a.exr").image, folder.picture("b.exr").image);
+    folder.says("compare a.exr a.png", 0, &["the pictures are equal"]);
+    folder.says("render s.kdl -o b.exr --samples 4", 0, &[]);
+    folder.says("render s.kdl -o b.png --continue b.exr", 0, &[]);
+    folder.same("a.png", "b.png");
+    folder.says("denoise a.exr -o clean.png", 0, &[]);
+    assert_eq!(folder.text("clean.png", "exposure"), Some(stops.to_string()));
+    assert_eq!(folder.text("clean.png", "tone"), Some("agx".into()));
+    // 0 stops are told, so that the picture can be made again.
+    folder.says("render s.kdl -o b.png --exposure 0", 0, &[]);
+    folder.says("info b.png", 0, &["--exposure 0"]);
+}
+
+/// A film of a dusk grows dark: all frames have the exposure of the first one, whichever are rendered, in every format.
+/// Keys on exposure and tone are followed.
+#[test]
+fn films_by_paths_do_not_flicker() {
+    let folder = Folder::new();
+    let dusk = ROOM.replace("background 1 1.2 1.6", "background { key 1 4 4 4; key 4 0.5 0.5 0.5 }");
+    let dusk = dusk.replace("size 36 24", "size 18 12").replace("samples 16", "samples 4");
+    fs::write(folder.path("s.kdl"), format!("animation {{ frames 1 4 }}\n{dusk}")).unwrap();
+    folder.says("render s.kdl --frames 1-4 -o f.#.png", 0, &[]);
+    let stops = folder.stops("f.1.png");
+    let mean = |picture: &Decoded| picture.image.rgb().unwrap()[1].iter().sum::<f32>();
+    let mut means = Vec::new();
+    for frame in 1..=4 {
+        assert_eq!(folder.stops(&format!("f.{frame}.png")), stops);
+        means.push(mean(&folder.picture(&format!("f.{frame}.png"))));
+    }
+    assert!(means.windows(2).all(|pair| pair[1] < 0.95 * pair[0]), "{means:?}");
+    folder.says("render s.kdl --frames 3 -o one.#.png", 0, &[]);
+    assert_eq!(folder.picture("one.3.png").image, folder.picture("f.3.png").image);
+    folder.says("render s.kdl --frames 1-4 -o film.apng", 0, &[]);
+    assert_eq!(folder.picture("film.apng").image, folder.picture("f.1.png").image);
+    assert_eq!(folder.stops("film.apng"), stops);
+    folder.says("render s.kdl --frames 1-4 -o film.gif", 0, &[]);
+    folder.says(&format!("render s.kdl --frames 1-4 -o given.gif --exposure {stops} --tone agx"), 0, &[]);
+    assert!(fs::read(folder.path("film.gif")).unwrap() == fs::read(folder.path("given.gif")).unwrap());
+    // Keys.
+    let keyed = dusk.replace(
+        "film { ",
+        "film { exposure { key 1 1; key 4 4; ease \"linear\" }; tone { key 1 \"agx\"; key 3 \"pbr-neutral\" }; ",
+    );
+    fs::write(folder.path("s.kdl"), format!("animation {{ frames 1 4 }}\n{keyed}")).unwrap();
+    folder.says("render s.kdl --frames 1-4 -o k.#.png", 0, &[]);
+    let told = |frame: u32| ["exposure", "tone"].map(|key| folder.text(&format!("k.{frame}.png"), key).unwrap());
+    assert_eq!(told(1), ["1", "agx"]);
+    assert_eq!(told(3), ["3", "pbr-neutral"]);
+    folder.says("render s.kdl --frames 1-4 -o film.apng", 0, &[]);
+    assert_eq!(folder.picture("film.apng").image, folder.picture("k.1.png").image);
+    folder.says("render s.kdl --frames 3 -o again.#.png --exposure 3 --tone pbr-neutral", 0, &[]);
+    assert_eq!(folder.picture("again.3.png").image, folder.picture("k.3.png").image);
 }

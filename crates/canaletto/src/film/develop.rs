@@ -101,6 +101,7 @@ pub fn srgb_encode(v: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Named;
 
     fn picture(colors: &[Rgb]) -> Picture {
         Picture { pixels: colors.to_vec(), ..Picture::new(colors.len() as u32, 1) }
@@ -136,6 +137,32 @@ mod tests {
         for &tone in <Tone as crate::Named>::ALL {
             let shown = develop(&odd, &Developing { exposure: Exposure::Stops(60.0), ..developing(tone) });
             assert!(shown.iter().all(|c| c.to_array().iter().all(|v| (0.0..=1.0).contains(v))), "{tone:?} {shown:?}");
+        }
+    }
+
+    /// Pictures by paths are photos if nothing else is said. All others show a scene's numbers.
+    #[test]
+    fn paths_are_photos_by_default() {
+        use crate::scene::{FilmSettings, Integrator};
+        let of = |integrator: &str, film: FilmSettings| film.developing(&Integrator::from_name(integrator).unwrap());
+        let film = FilmSettings::default();
+        let photo = Developing { exposure: Exposure::Auto, tone: Tone::Agx, transfer: Transfer::Srgb };
+        assert_eq!(of("path", film), photo);
+        for integrator in ["whitted", "zbuffer", "radiosity"] {
+            assert_eq!(of(integrator, film), Developing::default(), "{integrator}");
+        }
+        assert_eq!(of("path", FilmSettings { transfer: Transfer::None, ..film }), developing(Tone::Clamp));
+        for (tone, exposure) in [
+            (Tone::Clamp, Exposure::default()),
+            (Tone::Scale, Exposure::default()),
+            (Tone::Agx, Exposure::Auto),
+            (Tone::PbrNeutral, Exposure::Auto),
+        ] {
+            let film = FilmSettings { tone: Some(tone), ..film };
+            assert_eq!(of("path", film), Developing { exposure, tone, ..photo }, "{tone:?}");
+            assert_eq!(of("whitted", film), Developing { tone, ..Developing::default() }, "{tone:?}");
+            let given = FilmSettings { exposure: Some(Exposure::default()), ..film };
+            assert_eq!(of("path", given).exposure, Exposure::default(), "{tone:?}");
         }
     }
 

@@ -265,13 +265,27 @@ pub struct Developing {
 }
 
 impl FilmSettings {
-    /// How the integrator's pictures are developed. Path tracing has the range of real light, with windows and lamps
-    /// far over 1. Without a tone its pictures therefore have `pbr-neutral`. Others have `clamp`, and so have pictures
-    /// without a transfer curve, whose numbers are to be read. The exposure is 0.
+    /// How the integrator's pictures are developed.
+    ///
+    /// Path tracing has the range of real light: a room by day is far darker than its window. Its pictures are photos,
+    /// if nothing else is said: the tone is `agx`, and the exposure of a tone curve is metered. The other integrators
+    /// show a scene's own numbers: `clamp`, and 0 stops. So do pictures without a transfer curve, whose numbers are to be
+    /// read. The tones `clamp` and `scale` have 0 stops, too.
     pub fn developing(&self, integrator: &Integrator) -> Developing {
-        let has_range = matches!(integrator, Integrator::Path(_)) && self.transfer == Transfer::Srgb;
-        let tone = self.tone.unwrap_or(if has_range { Tone::PbrNeutral } else { Tone::Clamp });
-        Developing { exposure: self.exposure.unwrap_or_default(), tone, transfer: self.transfer }
+        let is_photo = matches!(integrator, Integrator::Path(_)) && self.transfer == Transfer::Srgb;
+        let tone = self.tone.unwrap_or(if is_photo { Tone::Agx } else { Tone::Clamp });
+        let default = if is_photo && tone.is_curve() { Exposure::Auto } else { Exposure::default() };
+        Developing { exposure: self.exposure.unwrap_or(default), tone, transfer: self.transfer }
+    }
+}
+
+impl Tone {
+    /// Whether the tone is a curve for photos. The others keep a scene's numbers up to a factor.
+    pub fn is_curve(self) -> bool {
+        match self {
+            Tone::Clamp | Tone::Scale => false,
+            Tone::Agx | Tone::PbrNeutral => true,
+        }
     }
 }
 

@@ -2,10 +2,9 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::metering::exposure_text;
 use crate::picture_file::read_picture;
 use crate::settings::list;
-use canaletto::Named;
+use crate::told_developing::ToldDeveloping;
 use canaletto::film::{Developer, Picture};
 use canaletto::math::Rgb;
 use canaletto::scene::{Developing, Exposure, Tone, Transfer};
@@ -57,12 +56,7 @@ impl Input {
         if !self.decoded.display_referred {
             return None;
         }
-        let text = self.decoded.metadata.iter().find(|(key, _)| key == "transfer").map(|(_, value)| value.as_str());
-        match text {
-            Some("none") => Some(Transfer::None),
-            Some("srgb") => Some(Transfer::Srgb),
-            _ => self.decoded.transfer,
-        }
+        ToldDeveloping::of_texts(&self.decoded.metadata).transfer.or(self.decoded.transfer)
     }
 
     /// The largest value that a PNG holds.
@@ -72,10 +66,8 @@ impl Input {
 
     /// How a PNG of this program was developed before its transfer curve.
     pub(in crate::command) fn exposure_and_tone(&self) -> Option<(Exposure, Tone)> {
-        let text = |key: &str| self.decoded.metadata.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
-        let tone = Tone::from_name(text("tone")?).filter(|_| self.decoded.display_referred)?;
-        let exposure = exposure_text(&self.decoded.metadata).and_then(|text| text.parse().ok());
-        Some((exposure.unwrap_or_default(), tone))
+        let told = ToldDeveloping::of_texts(&self.decoded.metadata);
+        told.exposure.zip(told.tone).filter(|_| self.decoded.display_referred)
     }
 
     /// The picture for display. An EXR is developed, and rounded to the bits of the PNG that it is compared with.

@@ -7,12 +7,12 @@ use crate::denoiser::{Denoiser, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
-use crate::metering::{EXPOSURE, METERED_EXPOSURE, exposure_text};
 use crate::output::{check_files, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
 use crate::settings::list;
 use crate::source::on_threads;
+use crate::told_developing::{EXPOSURE, METERED_EXPOSURE, TONE, TRANSFER, ToldDeveloping};
 use canaletto::Named;
 use canaletto::denoise::NoisyPicture;
 use canaletto::film::{Picture, develop, metered_exposure};
@@ -168,14 +168,13 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
 impl DenoiseFlags {
     /// How the picture is developed: as the flags say, or as the texts of its file do, which get what is chosen.
     fn developing(&self, texts: &mut Vec<(String, String)>, picture: &Picture) -> Developing {
-        let text = |key: &str| texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
-        let told = exposure_text(texts).and_then(|text| text.parse().ok());
-        let exposure = self.exposure.or(told.filter(|_| self.tone.is_none())).unwrap_or_default();
-        let tone = self.tone.or(text("tone").and_then(Tone::from_name)).unwrap_or_default();
-        let transfer = self.transfer.or(text("transfer").and_then(Transfer::from_name)).unwrap_or_default();
-        texts.retain(|(key, _)| ![EXPOSURE, METERED_EXPOSURE, "tone", "transfer"].contains(&key.as_str()));
-        texts.push(("tone".into(), tone.name().into()));
-        texts.push(("transfer".into(), transfer.name().into()));
+        let told = ToldDeveloping::of_texts(texts);
+        let exposure = self.exposure.or(told.exposure).unwrap_or_default();
+        let tone = self.tone.or(told.tone).unwrap_or_default();
+        let transfer = self.transfer.or(told.transfer).unwrap_or_default();
+        texts.retain(|(key, _)| ![EXPOSURE, METERED_EXPOSURE, TONE, TRANSFER].contains(&key.as_str()));
+        texts.push((TONE.into(), tone.name().into()));
+        texts.push((TRANSFER.into(), transfer.name().into()));
         let stops = match exposure {
             Exposure::Stops(stops) => stops,
             _ => metered_exposure(picture),

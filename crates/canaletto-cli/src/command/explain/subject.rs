@@ -134,7 +134,11 @@ impl<'a> Subject<'a> {
             _ => None,
         };
         let picture = (&flags.source, &flags.picture);
-        let job = metered(&mut reader, picture, (&world, &job), given.as_ref())?;
+        // A ray's light isn't developed.
+        let job = match flags.ray {
+            Some(_) => job,
+            None => metered(&mut reader, picture, (&world, &job), given.as_ref())?,
+        };
         Ok(Subject { flags, name: source.name, world, job, solution: given })
     }
 

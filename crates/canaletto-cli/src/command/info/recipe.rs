@@ -1,7 +1,7 @@
 //! The command that makes a picture again, from the settings in its file.
 
 use crate::complete::PICTURE_TRANSFER;
-use crate::metering::exposure_text;
+use crate::told_developing::exposure_text;
 use canaletto::Named;
 use canaletto::render::Aov;
 use canaletto::scene::{Integrator, SamplePattern};

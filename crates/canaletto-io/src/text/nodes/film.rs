@@ -59,13 +59,14 @@ const FILTER_FIELD: Field<Block> =
     Field::block(&FILTER, "how rays become a pixel; see below").or(|| (KIND.schema.default)());
 const EXPOSURE: Field<Exposure> = Field::new(
     "exposure",
-    "stops of the exposure: 1 doubles the light, -1 halves it; \"auto\" meters the picture as a camera does",
+    "stops of the exposure: 1 doubles the light, -1 halves it; \"auto\" meters the picture as a camera does, and is the \
+     default of \"path\" with a tone curve",
 )
 .or(|| Exposure::default().to_string());
 const TONE: Field<Tone> = Field::word(
     "tone",
-    "values over 1 are cut, or the picture is divided by its largest one; or curves: AgX, which is like film, or \
-     Khronos' PBR Neutral, the default of \"path\" with transfer \"srgb\"",
+    "values over 1 are cut, or the picture is divided by its largest one; or curves: AgX, which is like film and \
+     the default of \"path\" with transfer \"srgb\", or Khronos' PBR Neutral, which keeps colours of materials",
 )
 .or(|| quoted(Tone::default().name()));
 const TRANSFER: Field<Transfer> =
