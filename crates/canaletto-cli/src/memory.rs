@@ -1,9 +1,10 @@
 //! The memory that a render takes, estimated before it begins.
 
 use crate::denoiser::with_layers;
+use crate::format::bytes;
 use crate::output_format::Format;
 use canaletto::film::block_sizes;
-use canaletto::render::{Aov, Job};
+use canaletto::render::{Aov, Job, PreparationMemory, while_prepared};
 use canaletto::world::World;
 use serde::Serialize;
 
@@ -12,9 +13,15 @@ use serde::Serialize;
 pub(crate) struct Memory {
     /// The memory of the process when the world is built.
     pub world: u64,
+    /// What the integrator prepares: a z-buffer's triangles and shadow maps, what path guiding learns from, the patches
+    /// and links of radiosity.
+    pub preparation: u64,
+    /// Whether the preparation may take less, since its size isn't known beforehand.
+    pub preparation_at_most: bool,
     /// The picture with its layers, as rendered and as encoded, and the working memory.
     pub picture: u64,
-    /// The maximum at any time: while the world is read and built, or with the picture.
+    /// The maximum at any time: while the world is read and built, while the integrator is prepared, or with the
+    /// picture. A preparation whose size isn't known doesn't count.
     pub peak: u64,
 }
 
@@ -22,14 +29,42 @@ impl Memory {
     /// The memory of a render of a world that was just built. The system reports the current and the maximum memory of
     /// the process. Without such a report the size of the world's lists is used.
     pub(crate) fn of(world: &World, job: Option<&Job>, format: Format, denoises: bool) -> Memory {
-        let (now, peak) = usage().unwrap_or_else(|| {
-            let bytes = world.stats().bytes;
-            (bytes, bytes)
-        });
+        let usage = || {
+            usage().unwrap_or_else(|| {
+                let bytes = world.stats().bytes;
+                (bytes, bytes)
+            })
+        };
         /// The memory of tiles, threads and the rest of the program.
         const WORK: u64 = 5 << 20;
         let picture = job.map_or(0, |job| picture(job, format, denoises)) + WORK;
-        Memory { world: now, picture, peak: peak.max(now + picture) }
+        let (now, _) = usage();
+        let prepared = |passing: PreparationMemory| {
+            let (held, peak) = usage();
+            let known = if passing.at_most { 0 } else { passing.bytes };
+            Memory {
+                world: now,
+                preparation: held.saturating_sub(now) + passing.bytes,
+                preparation_at_most: passing.at_most,
+                picture,
+                peak: peak.max(held + picture.max(known)),
+            }
+        };
+        let of_job = job.and_then(|job| while_prepared(world, job, prepared).ok());
+        of_job.unwrap_or_else(|| prepared(PreparationMemory::default()))
+    }
+
+    /// The memory in words.
+    pub(crate) fn words(&self) -> String {
+        let [peak, world, preparation, picture] = [self.peak, self.world, self.preparation, self.picture].map(bytes);
+        match self.preparation {
+            // A few pages that the measurement itself takes.
+            0..1_000_000 => format!("about {peak}: {world} with the world, {picture} for the picture"),
+            _ if self.preparation_at_most => format!(
+                "about {peak}: {world} with the world, {picture} for the picture; at most {preparation} more to prepare it"
+            ),
+            _ => format!("about {peak}: {world} with the world, {preparation} to prepare, {picture} for the picture"),
+        }
     }
 }
 

@@ -476,6 +476,8 @@ fn memory_is_told_beforehand() {
         "--samples 3 -o a.png",
         "--samples 3 -o a.exr",
         "--samples 2 --denoise=fast -o a.png",
+        "--integrator zbuffer -o a.png",
+        "--samples 2 --set integrator.guiding=on -o a.png",
     ] {
         let run = format!("render s.kdl --size 480x360 {flags} --progress json");
         let said = folder.says(&format!("{run} --dry-run"), 0, &["\"peak\""]);

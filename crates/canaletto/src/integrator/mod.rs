@@ -19,7 +19,7 @@ pub use path::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource,
     SourceSample,
 };
-pub(crate) use path::{GuidingField, GuidingRecorder, PathTracer, PreparedPath};
+pub(crate) use path::{GuidingField, GuidingRecord, GuidingRecorder, PathTracer, PreparedPath};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};

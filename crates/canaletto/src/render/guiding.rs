@@ -1,7 +1,7 @@
 //! The training of path guiding: paths through the whole picture that tell where light comes from.
 
 use super::pixel::PixelRenderer;
-use crate::integrator::{GuidingField, GuidingRecorder, PreparedPath, PreparedRayIntegrator};
+use crate::integrator::{GuidingField, GuidingRecord, GuidingRecorder, PreparedPath, PreparedRayIntegrator};
 use crate::job::{Job, Observer, SolvingPhase, SolvingProgress};
 use crate::scene::{Guiding, PathSettings, SamplerKind};
 use crate::world::World;
@@ -34,30 +34,72 @@ const PROMISING: f64 = 0.98;
 /// then, as a path has many directions.
 const WORTHWHILE: f64 = 0.9;
 
-/// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
-pub(crate) fn prepare_path(
-    world: &World,
-    job: &Job,
-    settings: PathSettings,
-    observer: &dyn Observer,
-) -> ControlFlow<(), PreparedPath> {
-    let mut prepared = PreparedPath::new(world, settings);
-    if settings.guiding == Guiding::Off {
-        return ControlFlow::Continue(prepared);
-    }
+/// The number of paths in the training of a job's guiding.
+fn training_paths(job: &Job) -> u64 {
     let [width, height] = job.camera.size().map(u64::from);
-    let wished = width * height * PATHS_PER_PIXEL;
-    let budget = wished.clamp(FEWEST_PATHS, MOST_PATHS);
-    // The picture's samples are independent of those of the training.
-    let mut own = job.clone();
-    own.seed = job.seed ^ 0x6775_6964_6564_2121;
-    own.film.sampler = SamplerKind::Independent;
-    let pixels = PixelRenderer::new(&own);
-    let cancelled = |_| observer.cancelled();
-    // Traces paths, of which `begun` were traced before.
-    let trace = |prepared: &PreparedPath, begun: u64, count: u64| {
+    (width * height * PATHS_PER_PIXEL).clamp(FEWEST_PATHS, MOST_PATHS)
+}
+
+/// The number of paths in this round.
+fn paths_of_round(budget: u64, round: u32) -> u64 {
+    budget * (1 << round) / ((1 << ROUNDS) - 1)
+}
+
+/// The number of paths in the last round of the training, which takes the most memory.
+fn last_round(job: &Job) -> u64 {
+    paths_of_round(training_paths(job), ROUNDS - 1)
+}
+
+/// The number of paths that tell whether the training begins.
+fn first_paths(job: &Job) -> u64 {
+    let [width, height] = job.camera.size().map(u64::from);
+    (width * height * PATHS_PER_PIXEL).min(FIRST_PATHS)
+}
+
+/// The memory of a job's training in bytes: about what its last round takes. The first paths tell how many records a
+/// path leaves.
+pub(super) fn training_memory(world: &World, job: &Job, settings: PathSettings) -> u64 {
+    let first = first_paths(job);
+    let prepared = PreparedPath::new(world, settings);
+    let traced = TrainingPaths::new(world, job).trace(&prepared, 0, first, &());
+    let (ControlFlow::Continue(records) | ControlFlow::Break(records)) = traced.map_break(|()| Vec::new());
+    let bytes = records.len() as u64 * size_of::<GuidingRecord>() as u64;
+    if settings.guiding == Guiding::Auto && GuidingField::rarity(records) < RARE {
+        return 0;
+    }
+    // Each record stands in its chunk's list, then in the list of all, which grows as it is filled.
+    const COPIES: f64 = 2.0;
+    (COPIES * bytes as f64 * last_round(job) as f64 / first.max(1) as f64) as u64
+}
+
+/// The paths of a job's training.
+struct TrainingPaths<'a> {
+    world: &'a World,
+    job: Job,
+}
+
+impl TrainingPaths<'_> {
+    fn new<'a>(world: &'a World, job: &Job) -> TrainingPaths<'a> {
+        // The picture's samples are independent of those of the training.
+        let mut job = job.clone();
+        job.seed ^= 0x6775_6964_6564_2121;
+        job.film.sampler = SamplerKind::Independent;
+        TrainingPaths { world, job }
+    }
+
+    /// Traces paths, of which `begun` were traced before. Breaks if cancelled.
+    fn trace(
+        &self,
+        prepared: &PreparedPath,
+        begun: u64,
+        count: u64,
+        observer: &dyn Observer,
+    ) -> ControlFlow<(), Vec<GuidingRecord>> {
+        let [width, height] = self.job.camera.size().map(u64::from);
+        let pixels = PixelRenderer::new(&self.job);
+        let cancelled = |_| observer.cancelled();
         let chunk = |number: u64| {
-            let mut tracer = prepared.worker(world, &cancelled);
+            let mut tracer = prepared.worker(self.world, &cancelled);
             let mut recorder = GuidingRecorder::new();
             let mut colors = Vec::new();
             for path in number * CHUNK..((number + 1) * CHUNK).min(count) {
@@ -69,9 +111,25 @@ pub(crate) fn prepare_path(
         };
         let records: Vec<_> = (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).flatten_iter().collect();
         if observer.cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(records) }
-    };
+    }
+}
+
+/// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
+pub(crate) fn prepare_path(
+    world: &World,
+    job: &Job,
+    settings: PathSettings,
+    observer: &dyn Observer,
+) -> ControlFlow<(), PreparedPath> {
+    let mut prepared = PreparedPath::new(world, settings);
+    if settings.guiding == Guiding::Off {
+        return ControlFlow::Continue(prepared);
+    }
+    let budget = training_paths(job);
+    let training = TrainingPaths::new(world, job);
+    let trace = |prepared: &PreparedPath, begun, count| training.trace(prepared, begun, count, observer);
     let is_auto = settings.guiding == Guiding::Auto;
-    if is_auto && GuidingField::rarity(trace(&prepared, 0, wished.min(FIRST_PATHS))?) < RARE {
+    if is_auto && GuidingField::rarity(trace(&prepared, 0, first_paths(job))?) < RARE {
         return ControlFlow::Continue(prepared);
     }
     let mut begun = 0;
@@ -81,7 +139,7 @@ pub(crate) fn prepare_path(
             patches: 0,
             links: 0,
         });
-        let count = budget * (1 << round) / ((1 << ROUNDS) - 1);
+        let count = paths_of_round(budget, round);
         let records = trace(&prepared, begun, count)?;
         begun += count;
         let is_last = round + 1 == ROUNDS;

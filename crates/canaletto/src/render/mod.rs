@@ -7,6 +7,7 @@ mod guiding;
 mod lattice;
 mod noise;
 mod pixel;
+mod preparation_memory;
 mod progressive;
 #[cfg(test)]
 mod tests;
@@ -14,6 +15,7 @@ mod tests;
 pub use crate::job::{Aov, Job, JobError, Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
 pub(crate) use guiding::prepare_path;
 pub(crate) use pixel::PixelRenderer;
+pub use preparation_memory::{PreparationMemory, while_prepared};
 
 use crate::film::{Picture, SampleBlocks, SampleStatistics, TileBuffer};
 use crate::integrator::radiosity::RadiositySolution;

@@ -135,15 +135,7 @@ impl Info {
         let stats = self.world.stats();
         rows.push(("contents", contents(&stats)));
         rows.push(("hierarchies", bytes(stats.bytes)));
-        rows.push((
-            "memory",
-            format!(
-                "about {} to render: {} with the world, {} for the picture",
-                bytes(self.memory.peak),
-                bytes(self.memory.world),
-                bytes(self.memory.picture)
-            ),
-        ));
+        rows.push(("memory", self.memory.words()));
         if let Some([low, high]) = self.bounds() {
             rows.push(("bounds", format!("{} to {}", vector(low), vector(high))));
         }

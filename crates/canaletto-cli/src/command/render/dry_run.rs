@@ -76,7 +76,7 @@ pub(super) fn dry_run(
     };
     print(&format!(
         "scene     {}, {}\ncamera    {}, {width} x {height} pixels\nsampling  {}\nlight     {light}\n\
-         world     {}, {}, {}\nmemory    about {}: {} with the world, {} for the picture\noutput    {names} \
+         world     {}, {}, {}\nmemory    {}\noutput    {names} \
          ({kind}){frames}\nnothing is rendered or written (--dry-run)\n",
         flags.source.scene.display(),
         plural(files as u64, "file"),
@@ -88,9 +88,7 @@ pub(super) fn dry_run(
             n => format!("{} points of light", count(n)),
         },
         bytes(stats.bytes),
-        bytes(memory.peak),
-        bytes(memory.world),
-        bytes(memory.picture),
+        memory.words(),
     ))?;
     Ok(Exit::Done)
 }

@@ -46,7 +46,7 @@ use crate::world::{OccluderCache, World};
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
-pub(crate) use guiding::{GuidingField, GuidingRecorder};
+pub(crate) use guiding::{GuidingField, GuidingRecord, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use opaque8::OpaqueMaterials;

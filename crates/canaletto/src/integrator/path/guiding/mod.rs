@@ -14,8 +14,7 @@
 mod mixture;
 mod recorder;
 
-use recorder::GuidingRecord;
-pub(crate) use recorder::GuidingRecorder;
+pub(crate) use recorder::{GuidingRecord, GuidingRecorder};
 
 use glam::{DVec3, Vec3};
 use mixture::{LocalMixture, Mixture, RadianceSample};
