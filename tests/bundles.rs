@@ -9,7 +9,7 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, render};
 use canaletto::scene::{Content, Guiding, Node, PathSettings, SamplerKind, Sampling, Scene};
 use canaletto::shape::{
-    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
+    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Parallelogram, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
 };
 use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto::{InstructionSet, Ray};
@@ -89,6 +89,7 @@ fn loose_things(count: usize) -> Scene {
         Shape::Cylinder(Cylinder { base, top, radius, caps }),
         Shape::Cone(Cone { base: top, top: base, radius, top_radius: 0.1, caps: false }),
         Shape::Torus(Torus { center: v(0.3, 0.1, -0.9), axis: v(0.2, 1.0, 0.5), radius: 0.6, tube: 0.2 }),
+        Shape::Rectangle(Parallelogram { corner: v(-1.5, -0.4, 0.7), u: v(0.9, 0.1, 0.1), v: v(0.1, 0.8, -0.2) }),
     ];
     let place = |i: usize| Transform::translate(DVec3::new(0.1, 0.2, -0.3) * (i / shapes.len()) as f64);
     let nodes = (0..count).map(|i| {

@@ -6,7 +6,9 @@ use canaletto::integrator::{Probe, RayKind, Whitted};
 use canaletto::material::{Mapping, Material, MaterialPoint, Parameter, Phong, Projection, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, Extrinsics, Intrinsics, Node, Scene, WhittedSettings};
-use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Mesh, Plane, Shape, Sphere, Surface, Torus, Triangle};
+use canaletto::shape::{
+    Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Plane, Shape, Sphere, Surface, Torus, Triangle,
+};
 use canaletto::texture::{ColorSpace, Image, ImageTexture, Samples, Texture, TextureKind};
 use canaletto::world::{GeometryProbe, Hit, TextureRead, World};
 use canaletto_tests::gallery::icosphere;
@@ -116,6 +118,14 @@ fn shapes() -> Vec<(&'static str, Node)> {
             Node::from(Shape::Plane(Plane { point: Vec3::new(0.0, -1.0, 0.0), normal: Vec3::new(0.1, 1.0, 0.2) })),
         ),
         ("disk", Node::from(Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::new(0.2, 0.6, 1.0), radius: 1.3 }))),
+        (
+            "rectangle",
+            Node::from(Shape::Rectangle(Parallelogram {
+                corner: Vec3::new(-1.5, -1.0, 0.4),
+                u: Vec3::new(2.6, 0.3, -0.5),
+                v: Vec3::new(0.4, 2.2, -0.3),
+            })),
+        ),
         ("cylinder", Node::from(Shape::Cylinder(Cylinder { base: -axis, top: axis, radius: 0.7, caps: true }))),
         ("cone", Node::from(Shape::Cone(Cone { base: -axis, top: axis, radius: 0.9, top_radius: 0.2, caps: true }))),
         ("torus", Node::from(Shape::Torus(Torus { center: Vec3::ZERO, axis, radius: 0.9, tube: 0.4 }))),

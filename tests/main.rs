@@ -27,6 +27,7 @@ mod radiosity_explained;
 mod scale;
 mod serialised;
 mod shadows;
+mod surfaces;
 mod textures;
 mod watertight;
 mod zbuffer;

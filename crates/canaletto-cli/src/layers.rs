@@ -14,7 +14,8 @@ A PNG layer of --aov is a separate file, name.LAYER.png. Its numbers become colo
   normal                 n * 0.5 + 0.5
   position               0 to 1 across the scene's bounds along each axis
   uv                     the fractions of u and v as red and green
-  object-id, material-id a different colour for each number; black is the background
+  object-id, material-id, element-id
+                         a different colour for each number; black is the background
   tree-depth, cost, samples  grey, white is the picture's largest
   alpha                  grey, white is covered
   denoising-albedo       the albedo, with the --transfer of the picture
@@ -33,7 +34,9 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing
         }
         Aov::Position => position(layer, bounds),
         Aov::Uv => layer.data.chunks_exact(2).map(|uv| Rgb::new(fraction(uv[0]), fraction(uv[1]), 0.0)).collect(),
-        Aov::ObjectId | Aov::MaterialId => (0..layer.data.len()).map(|i| id_color(layer.id(i))).collect(),
+        Aov::ObjectId | Aov::MaterialId | Aov::ElementId => {
+            (0..layer.data.len()).map(|i| id_color(layer.id(i))).collect()
+        }
         Aov::DenoisingAlbedo => {
             let pixels = triples(layer).collect();
             let albedo = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };

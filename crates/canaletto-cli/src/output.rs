@@ -53,7 +53,7 @@ pub(crate) struct OutputFlags {
     /// Sets the compression effort of a PNG or APNG [default: default]; changes no pixel
     #[arg(long, value_name = "HOW", help_heading = "Output")]
     pub compression: Option<CompressionFlag>,
-    /// Writes the layers object-id and material-id of an EXR as whole numbers (UINT) instead of floats
+    /// Writes the layers object-id, material-id and element-id of an EXR as whole numbers (UINT) instead of floats
     #[arg(long, help_heading = "Output")]
     pub uint_ids: bool,
 

@@ -6,6 +6,7 @@
 
 mod cloud;
 mod color;
+mod colormap;
 mod concat;
 mod encoding;
 mod formats;
@@ -29,13 +30,15 @@ mod table_color;
 mod text;
 mod texture_map;
 
-pub use cloud::{CloudFormat, read_cylinders, read_spheres};
+pub use cloud::{CloudFormat, CloudSettings, read_cylinders, read_spheres};
+pub use colormap::{Colormap, ColumnColors};
 pub use formats::{FORMATS, Holds, ModelFormat};
 pub(crate) use ies::read_ies;
 pub use model::Model;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;
 pub(crate) use staging::{DEFAULT_SAMPLING, default_camera};
+pub(crate) use table_color::colors_of_rows;
 
 use crate::assets::{AssetPath, Assets, OpenAsset, reason};
 use crate::content::View;

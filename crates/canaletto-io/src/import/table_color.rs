@@ -2,17 +2,20 @@
 //!
 //! Files don't declare which numbers are white. Integers of one and two bytes are fractions of their largest value;
 //! reals are linear from 0 to 1. Where the numbers of a file contradict that, [`Scale`] decides, and a warning reports
-//! the assumption.
+//! the assumption. A scene may say which they are.
 
 use super::color::{ROUNDED, Scale};
 use super::lines::ImportError;
 use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
+use canaletto::texture::ColorSpace;
 use rayon::prelude::*;
 
 /// The type of the colours in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Written {
+    /// Integers of one byte, of which 255 is white.
+    Byte,
     /// Integers up to this one.
     Whole(f32),
     /// Numbers with a fraction, or of a text without types.
@@ -54,8 +57,9 @@ impl Range {
 }
 
 /// Converts the numbers of a file to linear colours. Negative numbers become 0; colours with NaN or infinity become
-/// white. Returns warnings about assumptions; `of` names the elements with colours, such as "vertices".
-pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<ImportError> {
+/// white. Returns warnings about assumptions; `of` names the elements with colours, such as "vertices". `space` is what
+/// the scene says of the numbers: on the sRGB curve or linear.
+pub(super) fn normalise(colors: &mut [Rgb], written: Written, space: Option<ColorSpace>, of: &str) -> Vec<ImportError> {
     let range = Range::of(colors);
     let Range { most, fraction, negative, missing } = range;
     let mut said = Vec::new();
@@ -66,10 +70,22 @@ pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<I
             if white != largest && most > 0.0 {
                 let kind = if largest == 65535.0 { "16-bit numbers" } else { "whole numbers" };
                 said.push(ImportError::file(format!(
-                    "the colours of its {of} are {kind} up to {most} only; they are taken as sRGB from 0 to {white}"
+                    "the colours of its {of} are {kind} up to {most} only; they are taken as {} from 0 to {white}",
+                    if space == Some(ColorSpace::Linear) { "linear" } else { "sRGB" }
                 )));
             }
             Some(white)
+        }
+        Written::Byte => Some(255.0),
+        Written::Real if space == Some(ColorSpace::Linear) => None,
+        Written::Real if space.is_some() => {
+            let scale = Scale::of(most, fraction).unwrap_or(Scale::One);
+            if scale == Scale::One && most > ROUNDED {
+                said.push(ImportError::file(format!(
+                    "the colours of its {of} go up to {most}; they are taken as sRGB with 1 as white"
+                )));
+            }
+            Some(scale.most())
         }
         Written::Real if most <= ROUNDED => None,
         Written::Real => {
@@ -97,6 +113,7 @@ pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<I
         )));
     }
     let channel = |v: f32| match white {
+        Some(white) if space == Some(ColorSpace::Linear) => v.max(0.0) / white,
         Some(white) => decode_srgb(v.max(0.0) / white),
         None => v.max(0.0),
     };
@@ -109,13 +126,18 @@ pub(super) fn normalise(colors: &mut [Rgb], written: Written, of: &str) -> Vec<I
     said
 }
 
+/// Converts the colours of rows in a scene, whose numbers are said to be of this space. Returns warnings.
+pub(crate) fn colors_of_rows(colors: &mut [Rgb], space: ColorSpace) -> Vec<String> {
+    normalise(colors, Written::Real, Some(space), "rows").into_iter().map(|said| said.message).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn settled(channels: &[f32], written: Written) -> (Vec<f32>, String) {
         let mut colors: Vec<Rgb> = channels.iter().map(|v| Rgb::gray(*v)).collect();
-        let said = normalise(&mut colors, written, "points");
+        let said = normalise(&mut colors, written, None, "points");
         (colors.iter().map(|c| c.g).collect(), said.into_iter().map(|c| c.message).collect::<Vec<_>>().join("; "))
     }
 
@@ -151,6 +173,31 @@ mod tests {
         }
         // 0 and 1 of an integer type are black and white.
         assert_eq!(settled(&[0.0, 1.0, 1.0], Written::Whole(65535.0)).0, [0.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn the_scene_may_say_which_curve_they_are_on() {
+        // The curve of IEC 61966-2-1 at one half.
+        let half = 0.214_041_14;
+        for (channels, written, space, middle, said) in [
+            ([0.0, 0.5, 1.0], Written::Real, ColorSpace::Srgb, half, ""),
+            ([0.0, 127.5, 255.0], Written::Real, ColorSpace::Srgb, half, ""),
+            ([0.0, 127.5, 250.0], Written::Real, ColorSpace::Srgb, half, ""),
+            ([0.0, 32767.5, 65535.0], Written::Real, ColorSpace::Srgb, half, ""),
+            ([0.0, 0.5, 3.5], Written::Real, ColorSpace::Srgb, half, "go up to 3.5; they are taken as sRGB with 1"),
+            ([0.0, 0.5, 1.0], Written::Real, ColorSpace::Linear, 0.5, ""),
+            ([0.0, 20.0, 300.0], Written::Real, ColorSpace::Linear, 20.0, ""),
+            ([0.0, 51.0, 255.0], Written::Byte, ColorSpace::Linear, 0.2, ""),
+            ([0.0, 127.5, 255.0], Written::Byte, ColorSpace::Srgb, half, ""),
+            ([0.0, 6553.5, 60000.0], Written::Whole(65535.0), ColorSpace::Linear, 0.1, ""),
+            ([0.0, 51.0, 255.0], Written::Whole(65535.0), ColorSpace::Linear, 0.2, "taken as linear from 0 to 255"),
+        ] {
+            let mut colors: Vec<Rgb> = channels.iter().map(|v| Rgb::gray(*v)).collect();
+            let messages = normalise(&mut colors, written, Some(space), "points");
+            let message = messages.into_iter().map(|c| c.message).collect::<String>();
+            assert!((colors[1].g - middle).abs() < 1e-4, "{channels:?} {written:?} {space:?}: {colors:?}");
+            assert!(message.is_empty() == said.is_empty() && message.contains(said), "{channels:?}: {message}");
+        }
     }
 
     #[test]

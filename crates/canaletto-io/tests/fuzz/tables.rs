@@ -1,4 +1,4 @@
-//! Tables of numbers and scene text: PLY, NFF, point clouds in text, binary and XYZ, and KDL with keys.
+//! Tables of numbers and scene text: PLY, NFF, point clouds in text, binary, XYZ and NPY, and KDL with keys.
 
 use crate::mutate::{Outcome, run};
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
@@ -119,6 +119,19 @@ fn atoms() {
 fn records() {
     let numbers = |count: usize| -> Vec<u8> { (0..count).flat_map(|i| (0.5 + i as f32).to_le_bytes()).collect() };
     run("bin", &[numbers(28), numbers(8), numbers(14)], 400, |_| (), |bytes| cloud(bytes, CloudFormat::Binary));
+}
+
+#[test]
+fn arrays() {
+    let array = |descr: &str, shape: &str, data: usize| -> Vec<u8> {
+        let header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n");
+        let numbers = (0..data).flat_map(|i| (0.5 + i as f32).to_le_bytes());
+        let length = (header.len() as u16).to_le_bytes();
+        b"\x93NUMPY\x01\x00".iter().copied().chain(length).chain(header.bytes()).chain(numbers).collect()
+    };
+    let fields = "[('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('radius', '<f4'), ('label', '|S4')]";
+    let seeds = [array("'<f4'", "(2, 4)", 8), array("'<f4'", "(2, 7)", 14), array(fields, "(2,)", 10)];
+    run("npy", &seeds, 400, |_| (), |bytes| cloud(bytes, CloudFormat::Numpy));
 }
 
 #[test]

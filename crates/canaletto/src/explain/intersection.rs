@@ -3,7 +3,7 @@
 
 use super::round_shapes::{of_frustum, of_torus};
 use crate::math::DRay;
-use crate::shape::{Cone, Cuboid, Cylinder, Plane, Shape, Sphere, Triangle};
+use crate::shape::{Cone, Cuboid, Cylinder, Parallelogram, Plane, Shape, Sphere, Triangle};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -88,6 +88,21 @@ pub enum Intersection {
         /// t of the plane.
         t: f64,
     },
+    /// The plane (5.27) of the point corner + a u + b v.
+    Rectangle {
+        /// The corner.
+        corner: [f64; 3],
+        /// An edge from there.
+        u: [f64; 3],
+        /// The other edge.
+        v: [f64; 3],
+        /// The unit normal.
+        normal: [f64; 3],
+        /// t of the plane (5.27).
+        t: f64,
+        /// a and b, from 0 to 1 on the rectangle.
+        shares: [f64; 2],
+    },
     /// a t² + b t + c = 0 for the side of a cylinder or cone: the distance from the axis is the radius (exercise 14).
     Frustum {
         /// The centre of the base.
@@ -149,6 +164,7 @@ impl Intersection {
                 Some(of_frustum([*base, *top], [*radius, *top_radius], *caps, ray))
             }
             Shape::Torus(torus) => Some(of_torus(torus, ray)),
+            Shape::Rectangle(sheet) => Some(of_rectangle(sheet, ray)),
             _ => None,
         }
     }
@@ -177,15 +193,23 @@ impl Intersection {
             Intersection::Sphere { roots: Some([t1, t2]), .. } if t2 <= 0.0 => {
                 Some(format!("it lies behind, t = {} and {}", short(t1), short(t2)))
             }
-            Intersection::Triangle { t, .. } | Intersection::Plane { t, .. } if !t.is_finite() => {
+            Intersection::Triangle { t, .. } | Intersection::Rectangle { t, .. } | Intersection::Plane { t, .. }
+                if !t.is_finite() =>
+            {
                 Some("the ray is parallel to its plane".to_owned())
             }
-            Intersection::Triangle { t, .. } | Intersection::Plane { t, .. } if t <= 0.0 => {
+            Intersection::Triangle { t, .. } | Intersection::Rectangle { t, .. } | Intersection::Plane { t, .. }
+                if t <= 0.0 =>
+            {
                 Some(format!("its plane lies behind, t = {}", short(t)))
             }
             Intersection::Triangle { barycentric, .. } if barycentric.iter().any(|&l| l < 0.0) => {
                 let [l1, l2, l3] = barycentric.map(short);
                 Some(format!("outside of it: L = ({l1}, {l2}, {l3})"))
+            }
+            Intersection::Rectangle { shares, .. } if shares.iter().any(|s| !(0.0..=1.0).contains(s)) => {
+                let [a, b] = shares.map(short);
+                Some(format!("outside of it: a = {a}, b = {b}"))
             }
             Intersection::Box { entering, leaving, .. } if entering > leaving => Some(format!(
                 "the ray leaves a pair of faces at t = {} before it enters another at t = {}",
@@ -224,7 +248,9 @@ impl Intersection {
             }
             Intersection::Torus { roots, .. } => roots.into_iter().flatten().find(|&t| t > 0.0),
             Intersection::Sphere { roots, .. } => of(&roots?),
-            Intersection::Triangle { t, .. } | Intersection::Plane { t, .. } => of(&[t]),
+            Intersection::Triangle { t, .. } | Intersection::Rectangle { t, .. } | Intersection::Plane { t, .. } => {
+                of(&[t])
+            }
             Intersection::Box { entering, leaving, .. } => of(&[entering, leaving]),
         }
     }
@@ -266,6 +292,16 @@ fn of_box(Cuboid { min, max }: &Cuboid, ray: &DRay) -> Intersection {
         Some(pair)
     });
     Intersection::Box { min, max, faces, entering, leaving }
+}
+
+fn of_rectangle(sheet: &Parallelogram, ray: &DRay) -> Intersection {
+    let [corner, u, v] = [sheet.corner, sheet.u, sheet.v].map(|p| p.as_dvec3());
+    let (normal, cross) = (sheet.normal(), u.cross(v));
+    let t = (corner - ray.origin).dot(normal) / ray.direction.dot(normal); // (5.27)
+    let p = ray.origin + ray.direction * t - corner; // (5.28)
+    let shares = [p.cross(v), u.cross(p)].map(|part| part.dot(normal) / cross.dot(normal));
+    let [corner, u, v, normal] = [corner, u, v, normal].map(|p| p.to_array());
+    Intersection::Rectangle { corner, u, v, normal, t, shares }
 }
 
 fn of_plane(Plane { point, normal }: &Plane, ray: &DRay) -> Intersection {

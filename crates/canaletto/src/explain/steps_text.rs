@@ -105,6 +105,12 @@ fn write_intersection(w: &mut TextWriter, intersection: &Intersection, indent: &
             let roots: Vec<String> = roots.iter().flatten().map(|t| w.number(*t).to_string()).collect();
             writeln!(w, "{indent}    roots {}", roots.join(", "));
         }
+        Intersection::Rectangle { corner, u, v, normal, t, shares } => {
+            let [corner, u, v, normal] = [corner, u, v, normal].map(|p| w.vector(*p));
+            writeln!(w, "{indent}  rectangle {corner} + a*{u} + b*{v}");
+            let [a, b] = shares.map(|share| w.number(share));
+            writeln!(w, "{indent}    n = {normal}, t = {}  (5.27), a = {a}, b = {b}", w.number(*t));
+        }
         Intersection::Plane { point, normal, d_dot_n, t } => {
             writeln!(w, "{indent}  plane through {}, n = {}", w.vector(*point), w.vector(*normal));
             writeln!(w, "{indent}    d.n = {}, t = (p1 - o).n / d.n = {}  (5.27)", w.number(*d_dot_n), w.number(*t));

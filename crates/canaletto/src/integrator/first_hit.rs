@@ -15,14 +15,14 @@ pub(crate) struct FirstHit {
     /// The point in the scene's coordinates.
     position: [f32; 3],
     uv: [f32; 2],
-    /// The numbers of the object and the material; 0 for a miss.
-    ids: [u32; 2],
+    /// The numbers of the object, the material and the element; 0 for a miss.
+    ids: [u32; 3],
 }
 
 impl FirstHit {
     /// A ray that hits nothing.
     pub(crate) const MISS: FirstHit =
-        FirstHit { depth: f32::INFINITY, normal: [0.0; 3], position: [0.0; 3], uv: [0.0; 2], ids: [0; 2] };
+        FirstHit { depth: f32::INFINITY, normal: [0.0; 3], position: [0.0; 3], uv: [0.0; 2], ids: [0; 3] };
 
     /// A hit that is seen from `eye`, from outside or from inside.
     pub(crate) fn new(world: &World, eye: DVec3, hit: &Hit, surface: &Surface, outside: bool) -> FirstHit {
@@ -32,7 +32,7 @@ impl FirstHit {
             normal: normal.as_vec3().to_array(),
             position: world.to_scene(surface.point).to_array(),
             uv: surface.uv.to_array(),
-            ids: [world.object_id(hit), world.material_index(hit) + 1],
+            ids: [world.object_id(hit), world.material_index(hit) + 1, world.element_id(hit)],
         }
     }
 
@@ -45,6 +45,7 @@ impl FirstHit {
             Aov::Uv => out.copy_from_slice(&self.uv.map(f64::from)),
             Aov::ObjectId => out[0] = self.ids[0].into(),
             Aov::MaterialId => out[0] = self.ids[1].into(),
+            Aov::ElementId => out[0] = self.ids[2].into(),
             _ => return false,
         }
         true

@@ -30,6 +30,8 @@ pub enum Aov {
     ObjectId,
     /// 1 + the material's index; 0 is the background.
     MaterialId,
+    /// [`World::element_id`], the row of a cloud's table or a mesh's triangle, from 1 on; 0 is the background.
+    ElementId,
     /// Σ f_s l ⊗ kd (n·L) at the first hit, and the colours of overlays.
     Diffuse,
     /// Σ f_s l ⊗ ks (r·L)ⁿ at the first hit.
@@ -74,6 +76,7 @@ named!(Aov {
     Uv => "uv",
     ObjectId => "object-id",
     MaterialId => "material-id",
+    ElementId => "element-id",
     Diffuse => "diffuse",
     Specular => "specular",
     Shadow => "shadow",
@@ -101,7 +104,14 @@ impl Aov {
             Integrator::Path(_) if self.is_of_samples() || self.is_of_denoising() => true,
             Integrator::Zbuffer(_) | Integrator::Path(_) => matches!(
                 self,
-                Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::Alpha
+                Aov::Depth
+                    | Aov::Normal
+                    | Aov::Position
+                    | Aov::Uv
+                    | Aov::ObjectId
+                    | Aov::MaterialId
+                    | Aov::ElementId
+                    | Aov::Alpha
             ),
         }
     }
@@ -142,7 +152,7 @@ impl Aov {
             Aov::Depth | Aov::DenoisingDepth => &["Z"],
             Aov::Normal | Aov::Position | Aov::DenoisingNormal => &["X", "Y", "Z"],
             Aov::Uv => &["U", "V"],
-            Aov::ObjectId | Aov::MaterialId | Aov::TreeDepth | Aov::Cost | Aov::Samples => &["X"],
+            Aov::ObjectId | Aov::MaterialId | Aov::ElementId | Aov::TreeDepth | Aov::Cost | Aov::Samples => &["X"],
             Aov::Alpha => &["A"],
             Aov::Diffuse
             | Aov::Specular
@@ -158,9 +168,9 @@ impl Aov {
         }
     }
 
-    /// Whether the layer holds numbers of objects or materials.
+    /// Whether the layer holds numbers of objects, materials or elements.
     pub fn is_id(self) -> bool {
-        matches!(self, Aov::ObjectId | Aov::MaterialId)
+        matches!(self, Aov::ObjectId | Aov::MaterialId | Aov::ElementId)
     }
 
     /// The rule by which the layer's values accumulate over passes.
@@ -172,6 +182,7 @@ impl Aov {
             | Aov::Uv
             | Aov::ObjectId
             | Aov::MaterialId
+            | Aov::ElementId
             | Aov::Noisy
             | Aov::DenoisingAlbedo
             | Aov::DenoisingNormal
@@ -197,7 +208,8 @@ impl Aov {
         const EXACT: u64 = 1 << f32::MANTISSA_DIGITS;
         let (name, channels) = (self.name(), self.channels());
         let pixels = width as usize * height as usize;
-        let ids = if self.is_id() && world.largest_id() > EXACT { vec![0; pixels] } else { Vec::new() };
+        let largest = if self == Aov::ElementId { world.largest_element_id() } else { world.largest_id() };
+        let ids = if self.is_id() && largest > EXACT { vec![0; pixels] } else { Vec::new() };
         Layer { name, channels, data: vec![0.0; pixels * channels.len()], ids }
     }
 }

@@ -63,13 +63,7 @@ impl RectangleLight {
     }
 
     pub(super) fn check(&self) -> Result<(), OutOfRange> {
-        let Parallelogram { corner, u, v } = &self.parallelogram;
-        if let Some((field, _)) = [("corner", corner), ("u", u), ("v", v)].into_iter().find(|(_, v)| !v.is_finite()) {
-            return Err(OutOfRange::new(field, "holds a number that isn't finite"));
-        }
-        if u.as_dvec3().cross(v.as_dvec3()).try_normalize().is_none() {
-            return Err(OutOfRange::new("u", "and v must be two edges of a rectangle, of different directions"));
-        }
+        self.parallelogram.check()?;
         check_points(self.points)
     }
 }

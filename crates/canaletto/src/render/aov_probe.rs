@@ -109,7 +109,7 @@ impl<'w> AovProbe<'w> {
     /// The values of the pixel's samples. Light is a weighted sum over them.
     fn write(&self, aov: Aov, out: &mut [f64]) {
         match aov {
-            Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId => {
+            Aov::Depth | Aov::Normal | Aov::Position | Aov::Uv | Aov::ObjectId | Aov::MaterialId | Aov::ElementId => {
                 self.first_hit.write(aov, out);
             }
             Aov::Diffuse => out.copy_from_slice(&self.sums[0]),

@@ -22,6 +22,9 @@ pub struct SphereCloud {
     pub radii: Vec<f32>,
     /// One colour for all spheres, one for each, or none. A colour replaces kd.
     pub colors: Vec<Rgb>,
+    /// The row of the table that each comes from, counted from 1, in rising order. None if they are all rows.
+    #[serde(default)]
+    pub rows: Vec<u32>,
 }
 
 /// Many cylinders of one object.
@@ -38,6 +41,9 @@ pub struct CylinderCloud {
     pub radii: Vec<f32>,
     /// One colour for all cylinders, one for each, or none. A colour replaces kd.
     pub colors: Vec<Rgb>,
+    /// The row of the table that each comes from, counted from 1, in rising order. None if they are all rows.
+    #[serde(default)]
+    pub rows: Vec<u32>,
     /// Whether the ends are closed by disks.
     pub caps: bool,
 }
@@ -92,6 +98,11 @@ macro_rules! cloud {
                 shared_or_own(&self.colors, i)
             }
 
+            /// The row of the table that element `i` comes from, counted from 1.
+            pub fn row(&self, i: usize) -> u32 {
+                self.rows.get(i).copied().unwrap_or(u32::try_from(i + 1).unwrap_or(u32::MAX))
+            }
+
             /// The box around element `i`.
             pub fn bounds(&self, i: usize) -> Aabb {
                 self.element(i).bounds()
@@ -123,6 +134,14 @@ macro_rules! cloud {
             /// An [`OutOfRange`] that names the number, its value and the range.
             pub fn check(&self) -> Result<(), OutOfRange> {
                 check_lists(self.len(), &self.radii, &self.colors, $of)?;
+                if !self.rows.is_empty() && self.rows.len() != self.len() {
+                    let rows = self.rows.len();
+                    return Err(OutOfRange::whole(format!(
+                        "there are numbers of {rows} rows for {} {}; there must be none or one for each",
+                        self.len(),
+                        $of
+                    )));
+                }
                 let wrong = (0..self.len()).into_par_iter().find_map_first(|i| {
                     if let Err(e) = self.element(i).check() {
                         return Some(format!(concat!($word, " {}: {}"), i, e));

@@ -73,6 +73,7 @@ impl BaseMesh {
             ),
             Shape::Box(s) => (Tessellation::cuboid(s), BaseSurface::Flat),
             Shape::Triangle(s) => (Tessellation::triangle(s), BaseSurface::Flat),
+            Shape::Rectangle(s) => (Tessellation::rectangle(s), BaseSurface::Flat),
             Shape::Cylinder(Cylinder { base, top, radius, caps }) => frustum([*base, *top], [*radius; 2], *caps),
             Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
                 frustum([*base, *top], [*radius, *top_radius], *caps)

@@ -97,6 +97,8 @@ pub enum Shape {
     Cone(Cone),
     /// A torus.
     Torus(Torus),
+    /// A rectangle, or any parallelogram.
+    Rectangle(Parallelogram),
 }
 
 /// Makes one call on the value of any variant.
@@ -111,6 +113,7 @@ macro_rules! each {
             Shape::Cylinder($s) => $call,
             Shape::Cone($s) => $call,
             Shape::Torus($s) => $call,
+            Shape::Rectangle($s) => $call,
         }
     };
 }
@@ -160,6 +163,7 @@ impl Shape {
             Shape::Cylinder(s) => s.surface_differential(surface, hit),
             Shape::Cone(s) => s.surface_differential(surface, hit),
             Shape::Torus(s) => s.surface_differential(surface),
+            Shape::Rectangle(s) => s.surface_differential(),
         }
     }
 
@@ -174,6 +178,7 @@ impl Shape {
             Shape::Cylinder(s) => Some(s.bounds()),
             Shape::Cone(s) => Some(s.bounds()),
             Shape::Torus(s) => Some(s.bounds()),
+            Shape::Rectangle(s) => Some(s.bounds()),
         }
     }
 
@@ -192,6 +197,7 @@ impl Shape {
             Shape::Cylinder(s) => Shape::Cylinder(s.transformed(t)?),
             Shape::Cone(s) => Shape::Cone(s.transformed(t)?),
             Shape::Torus(s) => Shape::Torus(s.transformed(t)?),
+            Shape::Rectangle(s) => Shape::Rectangle(s.transformed(t)),
         };
         moved.check().is_ok().then_some(moved)
     }
@@ -208,6 +214,7 @@ impl Shape {
             Shape::Cylinder(Cylinder { base, top, .. }) | Shape::Cone(Cone { base, top, .. }) => {
                 [Some(base), Some(top), None]
             }
+            Shape::Rectangle(Parallelogram { corner, .. }) => [Some(corner), None, None],
         };
         for (i, point) in points.into_iter().flatten().enumerate() {
             *point = f(i, *point);
@@ -235,7 +242,7 @@ impl Shape {
         match self {
             Shape::Sphere(_) => upright && t.uniform_scale().is_some(),
             Shape::Box(_) => upright,
-            Shape::Triangle(_) => !solve::mirrors(t),
+            Shape::Triangle(_) | Shape::Rectangle(_) => !solve::mirrors(t),
             Shape::Plane(s) => {
                 let n = s.normal.as_dvec3();
                 t.uniform_scale().is_some_and(|s| (s - 1.0).abs() < 1e-6) && framed(n, t.normal(n))
@@ -276,7 +283,13 @@ impl Shape {
             Shape::Cylinder(_) => "cylinder",
             Shape::Cone(_) => "cone",
             Shape::Torus(_) => "torus",
+            Shape::Rectangle(_) => "rectangle",
         }
+    }
+
+    /// Whether the surface consists of polygons.
+    pub(crate) fn is_polygonal(&self) -> bool {
+        matches!(self, Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_))
     }
 
     /// Whether the shape bounds a volume, so that a ray can be inside.
@@ -284,7 +297,7 @@ impl Shape {
         match self {
             Shape::Sphere(_) | Shape::Box(_) | Shape::Torus(_) => true,
             Shape::Cylinder(Cylinder { caps, .. }) | Shape::Cone(Cone { caps, .. }) => *caps,
-            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => false,
+            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) | Shape::Rectangle(_) => false,
         }
     }
 }

@@ -332,6 +332,7 @@ fn scaled(shape: &Shape, f: f32) -> Shape {
             (s.base, s.top, s.radius, s.top_radius) = (s.base * f, s.top * f, s.radius * f, s.top_radius * f)
         }
         Shape::Torus(s) => (s.center, s.radius, s.tube) = (s.center * f, s.radius * f, s.tube * f),
+        Shape::Rectangle(s) => (s.corner, s.u, s.v) = (s.corner * f, s.u * f, s.v * f),
     }
     shape
 }
@@ -347,7 +348,9 @@ fn a_moved_shape_is_hit_as_by_the_ray_moved_back() {
         let moved = Transform::translate(random.cube().as_dvec3() * 3.0);
         let t = match shape {
             Shape::Box(_) => moved.after(&scale(Vec3::new(2.0, -0.5, 1.5))),
-            Shape::Triangle(_) | Shape::Plane(_) => turned.after(&scale(Vec3::new(2.0, 0.5, -1.5))),
+            Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => {
+                turned.after(&scale(Vec3::new(2.0, 0.5, -1.5)))
+            }
             _ => moved.after(&turned).after(&scale(Vec3::new(-1.5, 1.5, 1.5))),
         };
         let there = shape.transformed(&t).unwrap();
@@ -439,6 +442,9 @@ fn every_number_of_every_shape_is_checked() {
                     number("radius", &mut s.radius),
                     number("top-radius", &mut s.top_radius),
                 ],
+                Shape::Rectangle(s) => {
+                    vec![vector("corner", &mut s.corner), vector("u", &mut s.u), vector("v", &mut s.v)]
+                }
                 Shape::Torus(s) => vec![
                     vector("center", &mut s.center),
                     vector("axis", &mut s.axis),

@@ -101,6 +101,7 @@ impl Shape {
                 Some(SurfaceSampler::frustum([*base, *top], [*radius, *top_radius], *caps))
             }
             Shape::Torus(s) => Some(SurfaceSampler::torus(s)),
+            Shape::Rectangle(s) => Some(s.sampler()),
         }
     }
 }

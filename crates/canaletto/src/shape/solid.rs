@@ -17,7 +17,7 @@ impl Shape {
                 let [r, s] = [c.radius, c.top_radius].map(f64::from);
                 PI / 3.0 * c.base.as_dvec3().distance(c.top.as_dvec3()) * (r * r + r * s + s * s)
             }
-            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => 0.0,
+            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) | Shape::Rectangle(_) => 0.0,
         }
     }
 
@@ -39,7 +39,7 @@ impl Shape {
             Shape::Cone(Cone { base, top, radius, top_radius, .. }) => {
                 within(p, [base.as_dvec3(), top.as_dvec3()], [*radius, *top_radius].map(f64::from))
             }
-            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => false,
+            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) | Shape::Rectangle(_) => false,
         }
     }
 }

@@ -4,7 +4,8 @@
 //! differ (uv seams, edges of boxes, rims of caps). The triangles of a closed shape are therefore closed, too.
 
 use super::cuts::{Allowed, Cuts, ViewCuts};
-use super::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle, solve};
+use super::parallelogram::HALVES;
+use super::{Cone, Cuboid, Cylinder, Disk, Parallelogram, Plane, Shape, Sphere, Torus, Triangle, solve};
 use crate::math::Transform;
 use canaletto_bvh::Aabb;
 use glam::{DVec2, DVec3, Vec3};
@@ -103,7 +104,7 @@ impl Shape {
 
     /// The area after a map, for shapes that aren't flat or that have a round rim.
     fn area_on(&self, grid: Grid, to_world: Option<&Transform>) -> Option<f64> {
-        if matches!(self, Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_)) {
+        if self.is_polygonal() {
             return None;
         }
         let own = self.area()?;
@@ -156,7 +157,7 @@ impl Shape {
                 let keeps_hole = (s.radius <= s.tube) == (s.radius <= tube);
                 keeps_hole.then_some(Shape::Torus(Torus { tube, ..s }))
             }
-            Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) => None,
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => None,
         }
     }
 
@@ -181,7 +182,7 @@ impl Shape {
                 let rows = (FRAC_PI_2 / half_angle).ceil().max(least);
                 of(2.0 * rows, rows, 4.0 * rows * (rows - 1.0))
             }
-            Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) => of(0.0, 0.0, 0.0),
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => of(0.0, 0.0, 0.0),
             Shape::Disk(s) => {
                 let columns = chords(s.radius.into(), tolerance);
                 of(columns, 0.0, columns)
@@ -217,6 +218,7 @@ impl Shape {
             Shape::Sphere(s) => Tessellation::sphere(s, columns, rows),
             Shape::Box(s) => Tessellation::cuboid(s),
             Shape::Triangle(s) => Tessellation::triangle(s),
+            Shape::Rectangle(s) => Tessellation::rectangle(s),
             Shape::Plane(s) => Tessellation::plane(s, clip),
             Shape::Disk(s) => Tessellation::disk(s, columns),
             Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
@@ -420,6 +422,17 @@ impl Tessellation {
         let uv = [DVec2::ZERO, DVec2::X, DVec2::Y];
         let corners = [0, 1, 2].map(|i| tessellation.add([a, b, c][i], normal, uv[i], Place::Between));
         tessellation.push(0, [corners]);
+        tessellation
+    }
+
+    /// The two halves of a rectangle.
+    pub(super) fn rectangle(sheet: &Parallelogram) -> Tessellation {
+        let mut tessellation = Tessellation::default();
+        let uv = [DVec2::Y, DVec2::ONE, DVec2::X, DVec2::ZERO];
+        for (corner, uv) in sheet.corners().into_iter().zip(uv) {
+            tessellation.add(corner.as_dvec3(), sheet.normal(), uv, Place::Between);
+        }
+        tessellation.push(0, HALVES.map(|half| half.map(|i| i as u32)));
         tessellation
     }
 

@@ -35,7 +35,7 @@ fn triangles_stay_within_the_tolerance() {
             }
             assert!(farthest <= tolerance * (1.0 + 1e-9), "{shape:?}: {farthest} is more than {tolerance}");
             // Triangles aren't much smaller than needed.
-            let curved = !matches!(shape, Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_));
+            let curved = !shape.is_polygonal() && !matches!(shape, Shape::Disk(_));
             assert!(!curved || tolerance > 0.01 || farthest > 0.2 * tolerance, "{shape:?}: only {farthest}");
         }
     }
@@ -127,7 +127,7 @@ fn counts_grow_as_the_tolerance_demands() {
         let expected = match shape {
             Shape::Sphere(_) | Shape::Torus(_) => 4.0,
             Shape::Cylinder(_) | Shape::Cone(_) | Shape::Disk(_) => 2.0,
-            Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) => 1.0,
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => 1.0,
         };
         assert!((growth / expected - 1.0).abs() < 0.15, "{shape:?}: {growth} instead of {expected}");
     }
@@ -158,7 +158,7 @@ fn the_limit_is_kept_before_memory_is_filled() {
         let exact = shape.tessellate(1e-3, &CLIP, LIMIT).unwrap().triangles.len();
         assert_eq!(shape.tessellate(1e-3, &CLIP, exact).unwrap().triangles.len(), exact);
         assert_eq!(shape.tessellate(1e-3, &CLIP, exact - 1).unwrap_err(), TooManyTriangles { limit: exact - 1 });
-        let curved = !matches!(shape, Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_));
+        let curved = !shape.is_polygonal();
         for tolerance in [1e-30, 0.0, -1.0, f64::NAN] {
             assert_eq!(shape.tessellate(tolerance, &CLIP, LIMIT).is_err(), curved, "{shape:?} {tolerance}");
         }

@@ -69,13 +69,17 @@ pub(super) fn closed(random: &mut Random, at: Vec3, size: f32) -> [Shape; 6] {
     ]
 }
 
-/// Open shapes of each kind.
+/// Open shapes of each kind; triangles and rectangles take turns.
 pub(super) fn open(random: &mut Random, at: Vec3, size: f32) -> [Shape; 5] {
     let r = |random: &mut Random| random.within(0.2, 1.0) * size;
     let (base, top) = (at + random.vector() * size, at);
     let [a, b, c] = [(); 3].map(|()| at + random.cube() * size);
     [
-        Shape::Triangle(Triangle { a, b, c, one_sided: false }),
+        if a.x < at.x {
+            Shape::Triangle(Triangle { a, b, c, one_sided: false })
+        } else {
+            Shape::Rectangle(Parallelogram { corner: a, u: b - a, v: c - a })
+        },
         Shape::Plane(Plane { point: at, normal: random.vector() }),
         Shape::Disk(Disk { center: at, normal: random.vector(), radius: r(random) }),
         Shape::Cylinder(Cylinder { base, top, radius: r(random), caps: false }),
@@ -101,15 +105,17 @@ pub(super) fn distance(shape: &Shape, p: DVec3) -> f64 {
         let slab = (-h).max(h - height);
         if caps { side.max(slab) } else { side.abs().max(slab) }
     };
+    let triangle = |corners: [Vec3; 3]| {
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let n = (b - a).cross(c - a).normalize();
+        let beyond = |a: DVec3, b: DVec3| (b - a).cross(n).normalize().dot(p - a);
+        (p - a).dot(n).abs().max(beyond(a, b)).max(beyond(b, c)).max(beyond(c, a))
+    };
     match *shape {
         Shape::Sphere(s) => p.distance(s.center.as_dvec3()) - f64::from(s.radius),
         Shape::Box(s) => (s.min.as_dvec3() - p).max(p - s.max.as_dvec3()).max_element(),
-        Shape::Triangle(s) => {
-            let [a, b, c] = [s.a, s.b, s.c].map(Vec3::as_dvec3);
-            let n = (b - a).cross(c - a).normalize();
-            let beyond = |a: DVec3, b: DVec3| (b - a).cross(n).normalize().dot(p - a);
-            (p - a).dot(n).abs().max(beyond(a, b)).max(beyond(b, c)).max(beyond(c, a))
-        }
+        Shape::Triangle(s) => triangle([s.a, s.b, s.c]),
+        Shape::Rectangle(s) => s.halves().map(triangle).into_iter().fold(f64::INFINITY, f64::min),
         Shape::Plane(s) => (p - s.point.as_dvec3()).dot(s.normal.as_dvec3().normalize()).abs(),
         Shape::Disk(s) => {
             let p = p - s.center.as_dvec3();

@@ -74,7 +74,7 @@ impl World {
             let geometry = &self.geometries[instance.geometry as usize];
             let emits = |&primitive: &u32| {
                 let is_flat = matches!(geometry, Geometry::Shapes { shapes, .. }
-                    if matches!(shapes[primitive as usize], Shape::Box(_) | Shape::Triangle(_)));
+                    if shapes[primitive as usize].is_polygonal());
                 !is_flat && self.materials[self.material_of(instance, primitive) as usize].may_emit()
             };
             let is_mesh = matches!(geometry, Geometry::Mesh { .. });
@@ -125,13 +125,13 @@ impl World {
             let tolerances = (tolerance, most_angle);
             let tessellation = shape.tessellate_with_area(tolerances, &Aabb::EMPTY, limit, to_world)?;
             let is_flat = |part: u32| match shape {
-                Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) => true,
+                Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) | Shape::Disk(_) => true,
                 Shape::Cylinder(_) | Shape::Cone(_) => part != 0,
                 Shape::Sphere(_) | Shape::Torus(_) => false,
             };
             let from = facets.len();
             push_all(facets, &tessellation, to_world, Facet { is_one_sided, ..first }, limit)?;
-            let is_polygon = matches!(shape, Shape::Box(_) | Shape::Triangle(_));
+            let is_polygon = shape.is_polygonal();
             for facet in &mut facets[from..] {
                 (facet.is_flat, facet.is_polygon) = (is_flat(facet.part), is_polygon);
             }

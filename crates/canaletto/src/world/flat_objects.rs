@@ -23,6 +23,7 @@ impl World {
                 Geometry::Mesh { mesh, .. } => add(mesh.corners(primitive as usize)),
                 Geometry::Shapes { shapes, .. } => match &shapes[primitive as usize] {
                     Shape::Triangle(Triangle { a, b, c, .. }) => add([*a, *b, *c]),
+                    Shape::Rectangle(sheet) => sheet.halves().into_iter().for_each(add),
                     Shape::Box(cuboid) => box_triangles(cuboid).into_iter().for_each(add),
                     _ => return None,
                 },
@@ -85,6 +86,7 @@ impl World {
                 Geometry::Mesh { mesh, .. } => add(mesh.corners(primitive as usize)),
                 Geometry::Shapes { shapes, .. } => match &shapes[primitive as usize] {
                     Shape::Triangle(Triangle { a, b, c, .. }) => add([*a, *b, *c]),
+                    Shape::Rectangle(sheet) => sheet.halves().into_iter().for_each(add),
                     // A box is hollow, and the surfaces may be inside.
                     Shape::Box(cuboid) => box_triangles(cuboid).into_iter().for_each(add),
                     _ => bodies.push(box_corners(&own, to_world)),

@@ -331,11 +331,17 @@ impl Geometry {
             }
             Geometry::Spheres { cloud, .. } => {
                 stats.cloud_spheres += n;
-                list(12, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
+                list(12, cloud.len())
+                    + list(4, cloud.radii.len())
+                    + list(12, cloud.colors.len())
+                    + list(4, cloud.rows.len())
             }
             Geometry::Cylinders { cloud, .. } => {
                 stats.cloud_cylinders += n;
-                list(24, cloud.len()) + list(4, cloud.radii.len()) + list(12, cloud.colors.len())
+                list(24, cloud.len())
+                    + list(4, cloud.radii.len())
+                    + list(12, cloud.colors.len())
+                    + list(4, cloud.rows.len())
             }
         };
     }

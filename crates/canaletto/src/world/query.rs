@@ -406,9 +406,35 @@ impl World {
         Some(&self.objects[index as usize])
     }
 
+    /// The number of the element that was hit within its object, from 1 on: the row of a cloud's table, or the triangle
+    /// of a mesh in the order of its file. A single shape is element 1.
+    pub fn element_id(&self, hit: &Hit) -> u32 {
+        if hit.instance == Hit::UNBOUNDED {
+            return 1;
+        }
+        let index = hit.primitive as usize;
+        self.with_instance(hit.instance, |instance| match &self.geometries[instance.geometry as usize] {
+            Geometry::Shapes { .. } => 1,
+            Geometry::Mesh { .. } => hit.primitive.saturating_add(1),
+            Geometry::Spheres { cloud, .. } => cloud.row(index),
+            Geometry::Cylinders { cloud, .. } => cloud.row(index),
+        })
+    }
+
     /// The largest number of an object or a material in a layer.
     pub(crate) fn largest_id(&self) -> u64 {
         self.object_numbers.count().max(self.materials.len() as u64)
+    }
+
+    /// The largest number of an element in a layer.
+    pub(crate) fn largest_element_id(&self) -> u64 {
+        let largest_element = |geometry: &Geometry| match geometry {
+            Geometry::Shapes { .. } => 1,
+            Geometry::Mesh { mesh, .. } => mesh.len() as u64,
+            Geometry::Spheres { cloud, .. } => cloud.len().checked_sub(1).map_or(0, |last| cloud.row(last).into()),
+            Geometry::Cylinders { cloud, .. } => cloud.len().checked_sub(1).map_or(0, |last| cloud.row(last).into()),
+        };
+        self.geometries.iter().map(largest_element).max().unwrap_or(0)
     }
 
     /// The number of the object that was hit, from 0 on.

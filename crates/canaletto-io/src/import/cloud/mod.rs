@@ -1,4 +1,4 @@
-//! Clouds of spheres and cylinders from tables: text, XYZ, PLY and raw binary.
+//! Clouds of spheres and cylinders from tables: text, XYZ, PLY, NumPy and raw binary.
 //!
 //! **Text** (`csv`, `tsv`, `xyz`, `txt`): a row for each sphere, `x y z`, `x y z radius`, `x y z red green blue` or `x
 //! y z radius red green blue`. Cylinders have `x1 y1 z1 x2 y2 z2` in place of `x y z`. The separator is semicolons,
@@ -12,14 +12,18 @@
 //! **Binary** (`bin`): records of little-endian `f32` without a header. A sphere is `x y z radius`, a cylinder `x1 y1
 //! z1 x2 y2 z2 radius`.
 //!
-//! **PLY**: see [`super::ply`].
+//! **PLY**: see [`super::ply`]. **NumPy** (`npy`, `npz`): see [`npy`] and [`npz`].
 //!
 //! Rows with a coordinate or a radius that is missing, infinite or NaN are left out and counted.
 
+mod columns;
 mod elements;
+mod npy;
+mod npz;
 mod text;
 mod xyz;
 
+use super::colormap::ColumnColors;
 use super::encoding;
 use super::lines::{ImportError, Token};
 use super::ply;
@@ -30,6 +34,7 @@ use crate::assets::Asset;
 use crate::diagnostic::Diagnostics;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, SphereCloud};
+use canaletto::texture::ColorSpace;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -44,11 +49,35 @@ pub enum CloudFormat {
     Ply,
     /// Records of little-endian `f32`.
     Binary,
+    /// An array of NumPy, alone or in an archive.
+    Numpy,
+}
+
+/// What a scene says of a table besides its file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CloudSettings {
+    /// The radius for files without radii, and for all atoms of an XYZ file.
+    pub radius: Option<f32>,
+    /// Whether its colours are on the sRGB curve or linear. Without this, their type and their size tell.
+    pub colors: Option<ColorSpace>,
+    /// Colours by the numbers of a column, in place of the table's own.
+    pub colormap: Option<ColumnColors>,
+    /// The names of its columns, in lower case, in place of those in the file. None keep those.
+    pub columns: Vec<String>,
+    /// The name of the array in an archive of several.
+    pub array: Option<String>,
+}
+
+/// A table that has a radius for rows without one.
+impl From<Option<f32>> for CloudSettings {
+    fn from(radius: Option<f32>) -> CloudSettings {
+        CloudSettings { radius, ..CloudSettings::default() }
+    }
 }
 
 impl CloudFormat {
     /// The extensions that [`CloudFormat::of_extension`] accepts.
-    pub const EXTENSIONS: [&str; 6] = ["csv", "tsv", "xyz", "txt", "ply", "bin"];
+    pub const EXTENSIONS: [&str; 8] = ["csv", "tsv", "xyz", "txt", "ply", "npy", "npz", "bin"];
 
     /// The format of a file name extension, in lower case.
     pub fn of_extension(extension: &str) -> Option<CloudFormat> {
@@ -56,6 +85,7 @@ impl CloudFormat {
             "csv" | "tsv" | "xyz" | "txt" => Some(CloudFormat::Text),
             "ply" => Some(CloudFormat::Ply),
             "bin" => Some(CloudFormat::Binary),
+            "npy" | "npz" => Some(CloudFormat::Numpy),
             _ => None,
         }
     }
@@ -63,7 +93,7 @@ impl CloudFormat {
     /// The precision of coordinates in a file of this format.
     fn precision(self, bytes: &[u8]) -> Precision {
         match self {
-            CloudFormat::Text => Precision::Double,
+            CloudFormat::Text | CloudFormat::Numpy => Precision::Double,
             CloudFormat::Ply => ply::precision(bytes.into()),
             CloudFormat::Binary => Precision::Single,
         }
@@ -74,73 +104,94 @@ impl CloudFormat {
 #[derive(Default)]
 struct LeftOutRows {
     count: u64,
-    /// The offset of the first such row.
+    /// The offset of the first such row in a text, or its number.
     first: Option<usize>,
     /// The number of rows that are kept.
     kept: u64,
+    /// The numbers of the rows that are left out, from 0 on.
+    lost: Vec<u32>,
 }
 
 impl LeftOutRows {
     fn note(&mut self, row: &Token<'_>) {
+        self.note_at(row.start);
+    }
+
+    fn note_at(&mut self, first: usize) {
+        self.lost.push((self.count + self.kept) as u32);
         self.count += 1;
-        self.first.get_or_insert(row.start);
+        self.first.get_or_insert(first);
+    }
+
+    /// The numbers of the rows that are kept, from 1 on; none if these are all rows.
+    fn rows(&self) -> Vec<u32> {
+        if self.count == 0 {
+            return Vec::new();
+        }
+        let mut lost = self.lost.iter().peekable();
+        let all = (0..(self.count + self.kept) as u32).filter(|row| lost.next_if_eq(&row).is_none());
+        all.map(|row| row + 1).collect()
     }
 
     /// Adds the rows of a later part.
     fn append(&mut self, later: LeftOutRows) {
+        let before = (self.count + self.kept) as u32;
+        self.lost.extend(later.lost.iter().map(|row| before + row));
         self.count += later.count;
         self.kept += later.kept;
         self.first = self.first.or(later.first);
     }
 
-    /// The warning about these rows.
+    /// The warning about these rows of a text.
     fn complaint(&self, bytes: &[u8]) -> Option<ImportError> {
-        let first = self.first?;
-        let before = &bytes[..first];
+        let before = &bytes[..self.first?];
         let ends = memchr::memchr_iter(b'\n', before).count();
         // Old files end lines by \r alone.
         let line = 1 + if ends > 0 { ends } else { memchr::memchr_iter(b'\r', before).count() };
-        Some(ImportError::file(format!(
-            "{} of {} rows are left out, as a coordinate or the radius isn't a finite number; the first is line {line}",
+        Some(self.counted(&format!("line {line}")))
+    }
+
+    /// The warning about these rows, of which the first stands here.
+    fn counted(&self, first: &str) -> ImportError {
+        ImportError::file(format!(
+            "{} of {} rows are left out, as a coordinate or the radius isn't a finite number; the first is {first}",
             self.count,
             self.count + self.kept
-        )))
+        ))
     }
 }
 
 /// A cloud with its warnings, or an error.
 type Read<T> = Result<(T, Vec<ImportError>), ImportError>;
 
-/// Reads spheres; returns them with warnings about what was left out or assumed. `radius` is for files without radii,
-/// and for all atoms of an XYZ file. A file without radii needs `radius`, except for atoms, whose elements have radii.
+/// Reads spheres; returns them with warnings about what was left out or assumed. A file without radii needs one in the
+/// settings, except for atoms, whose elements have radii.
 ///
 /// # Errors
 /// The first mistake, with its row and column where the file has them.
 pub fn read_spheres(
     asset: &Asset,
     format: CloudFormat,
-    radius: Option<f32>,
+    settings: impl Into<CloudSettings>,
 ) -> Result<(SphereCloud, Diagnostics), Diagnostics> {
-    let asset = &*readable(asset, format);
-    let name = asset.path.name();
+    let (asset, settings) = (&*readable(asset, format), &settings.into());
+    let (name, radius) = (asset.path.name(), settings.radius);
+    let mut precision = format.precision(&asset.bytes);
     let cloud = match format {
-        CloudFormat::Text => spheres_of_text(&asset.bytes, radius),
-        CloudFormat::Ply => ply::read_spheres(name, asset.bytes.as_slice().into()),
-        CloudFormat::Binary => records::<4>(&asset.bytes, "x y z radius").map(|(Records { rows, radii }, said)| {
-            let centers = rows.par_iter().map(|row| Vec3::from_slice(row)).collect();
-            (SphereCloud { centers, radii, ..SphereCloud::default() }, said)
-        }),
+        CloudFormat::Text => spheres_of_text(&asset.bytes, settings),
+        CloudFormat::Ply => ply::read_spheres(name, asset.bytes.as_slice().into(), settings),
+        CloudFormat::Numpy => numpy(&asset.bytes, &SPHERE_POINTS, settings, &mut precision).map(spheres_of_columns),
+        CloudFormat::Binary => records::<4>(&asset.bytes, "x y z radius", settings).map(
+            |(Records { rows, radii, colors, numbers }, said)| {
+                let centers = rows.par_iter().map(|row| Vec3::from_slice(row)).collect();
+                (SphereCloud { centers, radii, colors, rows: numbers, ..SphereCloud::default() }, said)
+            },
+        ),
     };
     let cloud = cloud.and_then(|(mut cloud, mut said)| {
         name.clone_into(&mut cloud.name);
         settle_radius(&mut cloud.radii, cloud.centers.len(), radius, &said)?;
-        said.extend(precision_warning::cloud(
-            &cloud.centers,
-            1,
-            &cloud.radii,
-            cloud.origin,
-            format.precision(&asset.bytes),
-        ));
+        said.extend(precision_warning::cloud(&cloud.centers, 1, &cloud.radii, cloud.origin, precision));
         Ok((cloud, said))
     });
     finish(asset, format, cloud)
@@ -151,7 +202,7 @@ fn readable(asset: &Asset, format: CloudFormat) -> Cow<'_, Asset> {
     let text = match format {
         CloudFormat::Text => encoding::text(&asset.bytes),
         CloudFormat::Ply => encoding::utf8(&asset.bytes),
-        CloudFormat::Binary => return Cow::Borrowed(asset),
+        CloudFormat::Binary | CloudFormat::Numpy => return Cow::Borrowed(asset),
     };
     if text.len() == asset.bytes.len() {
         return Cow::Borrowed(asset);
@@ -159,19 +210,47 @@ fn readable(asset: &Asset, format: CloudFormat) -> Cow<'_, Asset> {
     Cow::Owned(Asset { path: asset.path.clone(), bytes: text.into_owned() })
 }
 
-fn spheres_of_text(bytes: &[u8], radius: Option<f32>) -> Read<SphereCloud> {
-    let names = ["x", "y", "z"];
+/// The names of the coordinates of spheres.
+const SPHERE_POINTS: [&str; 3] = ["x", "y", "z"];
+/// The names of the coordinates of cylinders.
+const CYLINDER_POINTS: [&str; 6] = ["x1", "y1", "z1", "x2", "y2", "z2"];
+
+fn spheres_of_text(bytes: &[u8], settings: &CloudSettings) -> Read<SphereCloud> {
     let table = match xyz::read(bytes).transpose()? {
-        Some(xyz::Counted::Atoms(atoms)) => return Ok(spheres_of_atoms(bytes, atoms, radius)),
-        Some(xyz::Counted::Rows(from)) => text::read_from(bytes, from, &names)?,
-        None => text::read(bytes, &names)?,
+        Some(xyz::Counted::Atoms(atoms)) => return spheres_of_atoms(bytes, atoms, settings),
+        Some(xyz::Counted::Rows(from)) => text::read_from(bytes, from, &SPHERE_POINTS, settings)?,
+        None => text::read(bytes, &SPHERE_POINTS, settings)?,
     };
-    let (Columns { points, radii, colors }, said) = columns(bytes, table);
-    let (origin, centers) = points.rebase();
-    Ok((SphereCloud { origin, centers, radii, colors, ..SphereCloud::default() }, said))
+    let lost = table.lost.complaint(bytes);
+    Ok(spheres_of_columns(columns_of(table, lost, Written::Real, settings)))
 }
 
-fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) -> (SphereCloud, Vec<ImportError>) {
+fn spheres_of_columns((columns, said): (Columns, Vec<ImportError>)) -> (SphereCloud, Vec<ImportError>) {
+    let Columns { points, radii, colors, rows } = columns;
+    let (origin, centers) = points.rebase();
+    (SphereCloud { origin, centers, radii, colors, rows, ..SphereCloud::default() }, said)
+}
+
+/// The columns of an array; `points` has the names of the coordinates.
+fn numpy(bytes: &[u8], points: &[&str], settings: &CloudSettings, precision: &mut Precision) -> Read<Columns> {
+    let bytes = if bytes.starts_with(npz::MAGIC) {
+        npz::array(bytes, settings.array.as_deref())?
+    } else if settings.array.is_some() {
+        return Err(ImportError::file("it holds one array without a name, and array names one"));
+    } else {
+        Cow::Borrowed(bytes)
+    };
+    let npy::NumpyTable { table, written, is_single } = npy::read(&bytes, points, settings)?;
+    *precision = if is_single { Precision::Single } else { Precision::Double };
+    let lost = table.lost.first.map(|first| table.lost.counted(&format!("row {}", first + 1)));
+    Ok(columns_of(table, lost, written, settings))
+}
+
+fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, settings: &CloudSettings) -> Read<SphereCloud> {
+    if settings.colormap.is_some() || !settings.columns.is_empty() {
+        return Err(ImportError::file("an XYZ file of atoms has no columns for colormap and columns")
+            .help("a table with a first row such as x,y,z,charge has"));
+    }
     let mut said: Vec<ImportError> = atoms.lost.complaint(bytes).into_iter().collect();
     if let Some((name, count)) = atoms.unknown {
         let message =
@@ -183,14 +262,15 @@ fn spheres_of_atoms(bytes: &[u8], mut atoms: xyz::Atoms, radius: Option<f32>) ->
     }
     if !atoms.own_colors.is_empty() {
         atoms.colors = atoms.own_colors;
-        said.extend(table_color::normalise(&mut atoms.colors, Written::Real, "atoms"));
+        said.extend(table_color::normalise(&mut atoms.colors, Written::Real, settings.colors, "atoms"));
     }
-    let radii = match radius {
+    let radii = match settings.radius {
         Some(radius) if !atoms.has_radii => vec![radius],
         _ => atoms.radii,
     };
+    let rows = atoms.lost.rows();
     let (origin, centers) = atoms.centers.rebase();
-    (SphereCloud { origin, centers, radii, colors: atoms.colors, ..SphereCloud::default() }, said)
+    Ok((SphereCloud { origin, centers, radii, colors: atoms.colors, rows, ..SphereCloud::default() }, said))
 }
 
 /// The columns of a table, with linear colours.
@@ -198,12 +278,19 @@ struct Columns {
     points: Positions,
     radii: Vec<f32>,
     colors: Vec<Rgb>,
+    /// The numbers of the rows, if some are left out.
+    rows: Vec<u32>,
 }
 
-/// The columns of a table, with its warnings.
-fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
-    let text::Table { points, radii, mut colors, lost, commas, unknown } = table;
-    let mut said: Vec<ImportError> = lost.complaint(bytes).into_iter().collect();
+/// The columns of a table, with its warnings. `lost` is that about rows which are left out.
+fn columns_of(
+    table: text::Table,
+    lost: Option<ImportError>,
+    written: Written,
+    settings: &CloudSettings,
+) -> (Columns, Vec<ImportError>) {
+    let text::Table { points, radii, mut colors, values, lost: left_out, commas, unknown } = table;
+    let mut said: Vec<ImportError> = lost.into_iter().collect();
     if !unknown.is_empty() {
         /// The largest number of names in the message.
         const MOST: usize = 12;
@@ -215,8 +302,11 @@ fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
     if commas > 0 {
         said.push(ImportError::file(format!("{commas} numbers have a decimal comma; it is read as a point")));
     }
-    said.extend(table_color::normalise(&mut colors, Written::Real, "rows"));
-    (Columns { points, radii, colors }, said)
+    match &settings.colormap {
+        Some(map) => colors = map.colors(&values),
+        None => said.extend(table_color::normalise(&mut colors, written, settings.colors, "rows")),
+    }
+    (Columns { points, radii, colors, rows: left_out.rows() }, said)
 }
 
 /// Reads cylinders, which have caps; see [`read_spheres`].
@@ -226,17 +316,21 @@ fn columns(bytes: &[u8], table: text::Table) -> (Columns, Vec<ImportError>) {
 pub fn read_cylinders(
     asset: &Asset,
     format: CloudFormat,
-    radius: Option<f32>,
+    settings: impl Into<CloudSettings>,
 ) -> Result<(CylinderCloud, Diagnostics), Diagnostics> {
-    let asset = &*readable(asset, format);
+    let (asset, settings) = (&*readable(asset, format), &settings.into());
+    let radius = settings.radius;
+    let mut precision = format.precision(&asset.bytes);
     let axis = |row: &[f32]| [Vec3::from_slice(row), Vec3::from_slice(&row[3..])];
     let cloud = match format {
-        CloudFormat::Text => cylinders_of_text(&asset.bytes),
-        CloudFormat::Ply => ply::read_cylinders(asset.path.name(), asset.bytes.as_slice().into()),
+        CloudFormat::Text => cylinders_of_text(&asset.bytes, settings),
+        CloudFormat::Ply => ply::read_cylinders(asset.path.name(), asset.bytes.as_slice().into(), settings),
+        CloudFormat::Numpy => numpy(&asset.bytes, &CYLINDER_POINTS, settings, &mut precision).map(cylinders_of_columns),
         CloudFormat::Binary => {
-            records::<7>(&asset.bytes, "x1 y1 z1 x2 y2 z2 radius").map(|(Records { rows, radii }, said)| {
+            let records = records::<7>(&asset.bytes, "x1 y1 z1 x2 y2 z2 radius", settings);
+            records.map(|(Records { rows, radii, colors, numbers }, said)| {
                 let axes = rows.par_iter().map(|row| axis(row)).collect();
-                (CylinderCloud { axes, radii, ..CylinderCloud::default() }, said)
+                (CylinderCloud { axes, radii, colors, rows: numbers, ..CylinderCloud::default() }, said)
             })
         }
     };
@@ -248,26 +342,30 @@ pub fn read_cylinders(
         cloud.caps = true;
         settle_radius(&mut cloud.radii, cloud.axes.len(), radius, &said)?;
         let ends = cloud.axes.as_flattened();
-        said.extend(precision_warning::cloud(ends, 2, &cloud.radii, cloud.origin, format.precision(&asset.bytes)));
+        said.extend(precision_warning::cloud(ends, 2, &cloud.radii, cloud.origin, precision));
         Ok((cloud, said))
     });
     finish(asset, format, cloud)
 }
 
-fn cylinders_of_text(bytes: &[u8]) -> Read<CylinderCloud> {
-    let names = ["x1", "y1", "z1", "x2", "y2", "z2"];
+fn cylinders_of_text(bytes: &[u8], settings: &CloudSettings) -> Read<CylinderCloud> {
     let table = match xyz::read(bytes) {
-        Some(Ok(xyz::Counted::Rows(from))) => text::read_from(bytes, from, &names)?,
+        Some(Ok(xyz::Counted::Rows(from))) => text::read_from(bytes, from, &CYLINDER_POINTS, settings)?,
         Some(Ok(xyz::Counted::Atoms(_))) => {
             let help = "spheres read the atoms; bonds need a table of their ends, x1 y1 z1 x2 y2 z2";
             return Err(ImportError::file("an XYZ file holds atoms, no cylinders").help(help));
         }
-        Some(Err(_)) | None => text::read(bytes, &names)?,
+        Some(Err(_)) | None => text::read(bytes, &CYLINDER_POINTS, settings)?,
     };
-    let (Columns { points, radii, colors }, said) = columns(bytes, table);
+    let lost = table.lost.complaint(bytes);
+    Ok(cylinders_of_columns(columns_of(table, lost, Written::Real, settings)))
+}
+
+fn cylinders_of_columns((columns, said): (Columns, Vec<ImportError>)) -> (CylinderCloud, Vec<ImportError>) {
+    let Columns { points, radii, colors, rows } = columns;
     let (origin, ends) = points.rebase();
     let axes = ends.as_chunks().0.to_vec();
-    Ok((CylinderCloud { origin, axes, radii, colors, ..CylinderCloud::default() }, said))
+    (CylinderCloud { origin, axes, radii, colors, rows, ..CylinderCloud::default() }, said)
 }
 
 fn finish<T>(asset: &Asset, format: CloudFormat, read: Read<T>) -> Result<(T, Diagnostics), Diagnostics> {
@@ -314,10 +412,13 @@ fn settle_radius(
 struct Records<const N: usize> {
     rows: Vec<[f32; N]>,
     radii: Vec<f32>,
+    colors: Vec<Rgb>,
+    /// The numbers of the records, if some are left out.
+    numbers: Vec<u32>,
 }
 
 /// The numbers of the records, the last of which is the radius.
-fn records<const N: usize>(bytes: &[u8], columns: &str) -> Read<Records<N>> {
+fn records<const N: usize>(bytes: &[u8], columns: &str, settings: &CloudSettings) -> Read<Records<N>> {
     let size = 4 * N;
     if !bytes.len().is_multiple_of(size) {
         return Err(ImportError::file(format!(
@@ -337,7 +438,14 @@ fn records<const N: usize>(bytes: &[u8], columns: &str) -> Read<Records<N>> {
     let said = ply::left_out(&kept, "records").into_iter().collect();
     ply::keep(&mut rows, &kept);
     let radii = rows.par_iter().map(|row| row[N - 1]).collect();
-    Ok((Records { rows, radii }, said))
+    let names: Vec<String> = columns.split(' ').map(str::to_owned).collect();
+    let points: Vec<&str> = names[..N - 1].iter().map(String::as_str).collect();
+    let value = columns::Roles::by_name(&names, &points, settings, "the file")?.value;
+    let colors = match (&settings.colormap, value) {
+        (Some(map), Some((at, _))) => map.colors(&rows.iter().map(|row| f64::from(row[at])).collect::<Vec<f64>>()),
+        _ => Vec::new(),
+    };
+    Ok((Records { rows, radii, colors, numbers: ply::row_numbers(&kept) }, said))
 }
 
 #[cfg(test)]

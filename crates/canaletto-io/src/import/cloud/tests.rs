@@ -1,5 +1,6 @@
 use super::*;
 use crate::assets::AssetPath;
+use crate::import::{Colormap, ColumnColors};
 use canaletto::math::Rgb;
 
 fn asset(bytes: impl Into<Vec<u8>>) -> Asset {
@@ -247,4 +248,65 @@ fn points_may_have_their_count_in_front() {
     assert_eq!(cloud.axes.len(), 1);
     let error = read_cylinders(&asset(METHANE), CloudFormat::Text, Some(1.0)).unwrap_err().to_string();
     assert!(error.contains("an XYZ file holds atoms, no cylinders"), "{error}");
+}
+
+fn mapped(map: Colormap, column: &str, range: [Option<f64>; 2]) -> CloudSettings {
+    let colormap = Some(ColumnColors { map, column: column.to_owned(), range });
+    CloudSettings { radius: Some(1.0), colormap, ..CloudSettings::default() }
+}
+
+#[test]
+fn a_column_gives_colours() {
+    let read = |text: &str, settings: CloudSettings| {
+        let read = read_spheres(&asset(text), CloudFormat::Text, settings);
+        read.map(|(cloud, said)| (cloud, said.to_string())).map_err(|e| e.to_string())
+    };
+    let at = |share: f64| Colormap::Magma.color(share);
+    let table = "x;y;z;Heat [K];red;green;blue\n0;0;0;2,5;1;1;1\nnan;0;0;900;1;1;1\n1;0;0;5;1;1;1\n2;0;0;10;1;1;1\n";
+    let (cloud, said) = read(table, mapped(Colormap::Magma, "heat", [None; 2])).unwrap();
+    assert_eq!(cloud.colors, [at(0.0), at(1.0 / 3.0), at(1.0)]);
+    assert_eq!(cloud.rows, [1, 3, 4], "rows that are left out keep their numbers");
+    assert!(!said.contains("the column"), "{said}");
+    let (cloud, _) = read(table, mapped(Colormap::Magma, "4", [Some(0.0), Some(5.0)])).unwrap();
+    assert_eq!(cloud.colors, [at(0.5), at(1.0), at(1.0)]);
+    let (cloud, _) = read("0 0 1 3\n0 0 2 3\n", mapped(Colormap::Magma, "z", [None; 2])).unwrap();
+    assert_eq!((cloud.colors.as_slice(), cloud.radii.as_slice()), (&[at(0.0), at(1.0)][..], &[3.0, 3.0][..]));
+    assert!(cloud.rows.is_empty());
+    let named = CloudSettings {
+        columns: ["x", "y", "z", "_", "v"].map(str::to_owned).into(),
+        ..mapped(Colormap::Magma, "v", [None; 2])
+    };
+    let (cloud, _) = read("0 0 1 a 7\n0 0 2 b 8\n", named.clone()).unwrap();
+    assert_eq!((cloud.colors.len(), cloud.radii.as_slice()), (2, &[1.0][..]));
+    assert!(read("0 0 1 7\n", named).unwrap_err().contains("a row has 4 columns, but columns has 5 names"));
+    for (row, place) in [("3,0,0,", "a.csv:3:1"), ("3,0,0,nan", "a.csv:3:7"), ("3,0,0,inf", "a.csv:3:7")] {
+        let text = format!("x,y,z,v\n0,0,0,1\n{row}\n");
+        let error = read(&text, mapped(Colormap::Viridis, "v", [None; 2])).unwrap_err();
+        assert!(error.starts_with(&format!("{place}: error: column 4 (v) has no finite number here")), "{error}");
+    }
+    let error = read("x,y,z\n0,0,0\n", mapped(Colormap::Viridis, "v", [None; 2])).unwrap_err();
+    assert!(error.contains("there is no column \"v\" for the colour map"), "{error}");
+    assert!(read("1\n\nC 0 0 0\n", mapped(Colormap::Viridis, "x", [None; 2])).unwrap_err().contains("no columns for"));
+}
+
+#[test]
+fn a_column_of_every_format_gives_colours() {
+    let at = |share: f64| Colormap::Turbo.color(share);
+    let bytes: Vec<u8> = [1f32, 2., 3., 0.5, 4., 5., 6., 0.25].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let (cloud, _) =
+        read_spheres(&asset(bytes), CloudFormat::Binary, mapped(Colormap::Turbo, "radius", [None; 2])).unwrap();
+    assert_eq!(cloud.colors, [at(1.0), at(0.0)]);
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        property double Quality\nelement edge 2\nproperty int vertex1\nproperty int vertex2\nproperty float load\n\
+        end_header\n0 0 0 4\nnan 0 0 99\n1 0 0 6\n0 2 -1\n2 0 1\n";
+    let (cloud, _) =
+        read_spheres(&asset(ply), CloudFormat::Ply, mapped(Colormap::Turbo, "quality", [None; 2])).unwrap();
+    assert_eq!((cloud.colors.as_slice(), cloud.rows.as_slice()), (&[at(0.0), at(1.0)][..], &[1, 3][..]));
+    let load = mapped(Colormap::Turbo, "load", [None, Some(3.0)]);
+    let (cloud, _) = read_cylinders(&asset(ply), CloudFormat::Ply, load.clone()).unwrap();
+    assert_eq!(cloud.colors, [at(0.0), at(0.5)]);
+    let error = read_cylinders(&asset(ply.replace("0 2 -1", "0 2 nan")), CloudFormat::Ply, load).unwrap_err();
+    assert!(error.to_string().contains("row 0 (from 0): load isn't a finite number"), "{error}");
+    let error = read_spheres(&asset(ply), CloudFormat::Ply, mapped(Colormap::Turbo, "mass", [None; 2])).unwrap_err();
+    assert!(error.to_string().contains("there is no property \"mass\""), "{error}");
 }

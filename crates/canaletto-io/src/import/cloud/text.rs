@@ -1,6 +1,7 @@
 //! Rows of text: separators, columns, and rows that are left out.
 
-use super::LeftOutRows;
+use super::columns::{Role, Roles, Unfit};
+use super::{CloudSettings, LeftOutRows};
 use crate::import::lines::{ImportError, Token};
 use crate::import::number;
 use crate::import::positions::Positions;
@@ -16,26 +17,11 @@ enum Separator {
     Byte(u8),
 }
 
-/// The meaning of a column.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Role {
-    /// A coordinate, by its index.
-    Point(usize),
-    Radius,
-    /// Red, green or blue, by its index.
-    Color(usize),
-}
-
 /// The columns of a text and their separator.
 struct Columns {
     separator: Separator,
     count: usize,
-    /// The meaning of each column; `None` for unused ones.
-    roles: Vec<Option<Role>>,
-    radius: bool,
-    color: bool,
-    /// The names of unused columns.
-    unknown: Vec<String>,
+    of: Roles,
 }
 
 /// Some of the rows.
@@ -45,6 +31,8 @@ pub(super) struct Table {
     pub(super) radii: Vec<f32>,
     /// The colours as written in the file.
     pub(super) colors: Vec<Rgb>,
+    /// The numbers of the colour map.
+    pub(super) values: Vec<f64>,
     /// The rows without a finite position or size.
     pub(super) lost: LeftOutRows,
     /// The number of decimal commas.
@@ -54,16 +42,21 @@ pub(super) struct Table {
 }
 
 /// Reads rows of text; `points` has the names of the coordinate columns.
-pub(super) fn read(bytes: &[u8], points: &[&str]) -> Result<Table, ImportError> {
-    read_from(bytes, if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 }, points)
+pub(super) fn read(bytes: &[u8], points: &[&str], settings: &CloudSettings) -> Result<Table, ImportError> {
+    read_from(bytes, if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 }, points, settings)
 }
 
 /// As [`read`], for rows that start at offset `from`.
-pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Table, ImportError> {
+pub(super) fn read_from(
+    bytes: &[u8],
+    from: usize,
+    points: &[&str],
+    settings: &CloudSettings,
+) -> Result<Table, ImportError> {
     let Some(first) = rows(bytes, from..bytes.len()).next() else {
         return Ok(Table::default());
     };
-    let (columns, start) = Columns::of(&first, points)?;
+    let (columns, start) = Columns::of(&first, points, settings)?;
     // Pieces start after a line end. Each is a pure function of its bytes, and they are joined in order.
     const PIECE: usize = 1 << 20;
     let line_after = |at: usize| memchr::memchr2(b'\n', b'\r', &bytes[at..]).map_or(bytes.len(), |p| at + p + 1);
@@ -81,16 +74,23 @@ pub(super) fn read_from(bytes: &[u8], from: usize, points: &[&str]) -> Result<Ta
             Ok(table)
         })
         .collect();
-    let mut all = Table { unknown: columns.unknown, ..Table::default() };
+    let mut all = Table { unknown: columns.of.unknown, ..Table::default() };
     for table in tables {
-        let table = table?;
-        all.points.append(table.points);
-        all.radii.extend(table.radii);
-        all.colors.extend(table.colors);
-        all.lost.append(table.lost);
-        all.commas += table.commas;
+        all.append(table?);
     }
     Ok(all)
+}
+
+impl Table {
+    /// Adds the rows of a later part.
+    pub(super) fn append(&mut self, later: Table) {
+        self.points.append(later.points);
+        self.radii.extend(later.radii);
+        self.colors.extend(later.colors);
+        self.values.extend(later.values);
+        self.lost.append(later.lost);
+        self.commas += later.commas;
+    }
 }
 
 /// The rows of a part of the file, without blank lines and comments.
@@ -138,94 +138,31 @@ fn name(cell: &Token<'_>) -> String {
     name.split(['(', '[']).next().unwrap_or_default().trim().to_owned()
 }
 
-/// Whether `name` is a common alternative of the coordinate name `wanted`.
-fn is_called(name: &str, wanted: &str) -> bool {
-    // ParaView numbers the components of a vector.
-    let (other, numbered) = match wanted {
-        "x" => (["px", "pos_x", "position_x", "center_x"], ["points:0", "points_0"]),
-        "y" => (["py", "pos_y", "position_y", "center_y"], ["points:1", "points_1"]),
-        "z" => (["pz", "pos_z", "position_z", "center_z"], ["points:2", "points_2"]),
-        _ => return name == wanted,
-    };
-    name == wanted || other.contains(&name) || numbered.contains(&name)
-}
-
 impl Columns {
     /// The columns according to the first row, and the offset at which the rows of numbers start.
-    fn of(first: &Token<'_>, points: &[&str]) -> Result<(Columns, usize), ImportError> {
-        let n = points.len();
-        let mut columns = Columns {
-            separator: separator(first.text),
-            count: 0,
-            roles: Vec::new(),
-            radius: false,
-            color: false,
-            unknown: Vec::new(),
-        };
+    fn of(first: &Token<'_>, points: &[&str], settings: &CloudSettings) -> Result<(Columns, usize), ImportError> {
+        let mut columns = Columns { separator: separator(first.text), count: 0, of: Roles::default() };
         let mut cells: Vec<Token<'_>> = columns.cells(first).collect();
         if cells.len() > 1 && cells.last().is_some_and(|cell| cell.text.is_empty()) {
             cells.pop();
         }
         columns.count = cells.len();
         let number = |cell: &Token<'_>| columns.number(cell, &mut 0).is_some() || is_missing(cell.text);
-        let named = cells.iter().any(|cell| !number(cell));
-        if !named || cells.iter().any(|cell| cell.number().is_ok()) {
-            (columns.radius, columns.color) = match cells.len().wrapping_sub(n) {
-                0 => (false, false),
-                1 => (true, false),
-                3 => (false, true),
-                4 => (true, true),
-                _ => {
-                    let message = format!(
-                        "a row has {} columns, but it should have {n}, {}, {} or {}",
-                        cells.len(),
-                        n + 1,
-                        n + 3,
-                        n + 4
-                    );
-                    let names = points.join(" ");
-                    return Err(first.wrong(message).help(format!(
-                        "the columns are {names} [radius] [red green blue]; others need names in the first row"
-                    )));
-                }
-            };
-            let coordinates = (0..n).map(Role::Point);
-            let radius = columns.radius.then_some(Role::Radius);
-            let color = (0..3).map(Role::Color).filter(|_| columns.color);
-            columns.roles = coordinates.chain(radius).chain(color).map(Some).collect();
-            return Ok((columns, first.start));
-        }
-        let names: Vec<String> = cells.iter().map(name).collect();
-        let find = |wanted: &[&str]| names.iter().position(|name| wanted.iter().any(|wanted| is_called(name, wanted)));
-        columns.roles = vec![None; names.len()];
-        for (index, name) in points.iter().enumerate() {
-            let at = find(&[name]).ok_or_else(|| {
-                first.wrong(format!("the first row names no column `{name}`")).help(format!(
-                    "its columns are {}; the coordinates must be called {}",
-                    names.iter().take(12).map(String::as_str).collect::<Vec<_>>().join(", "),
-                    points.join(", ")
-                ))
-            })?;
-            columns.roles[at] = Some(Role::Point(index));
-        }
-        let short = find(&["g"]).is_some() && find(&["b"]).is_some();
-        let rgb = if short {
-            [find(&["r"]), find(&["g"]), find(&["b"])]
-        } else {
-            [find(&["red"]), find(&["green"]), find(&["blue"])]
+        let named = cells.iter().any(|cell| !number(cell)) && !cells.iter().any(|cell| cell.number().is_ok());
+        let start = if named { first.start + first.text.len() } else { first.start };
+        let own: Vec<String> = cells.iter().map(name).collect();
+        let found = match &settings.columns {
+            given if !given.is_empty() && given.len() != cells.len() => {
+                let message = format!("a row has {} columns, but columns has {} names", cells.len(), given.len());
+                let help = "name every column in its order; other names than those of numbers are passed over".into();
+                Err(Unfit { message, help })
+            }
+            given if !given.is_empty() => Roles::by_name(given, points, settings, "the scene's columns"),
+            _ if named => Roles::by_name(&own, points, settings, "the first row"),
+            _ => Roles::by_count(cells.len(), points, settings),
         };
-        if let [Some(r), Some(g), Some(b)] = rgb {
-            columns.color = true;
-            [r, g, b].iter().enumerate().for_each(|(i, at)| columns.roles[*at] = Some(Role::Color(i)));
-        }
-        let radius = find(&["radius"]).or(if short { None } else { find(&["r"]) });
-        if let Some(at) = radius {
-            columns.radius = true;
-            columns.roles[at] = Some(Role::Radius);
-        }
-        let unknown = names.iter().zip(&columns.roles).filter(|(_, role)| role.is_none());
-        columns.unknown = unknown.map(|(name, _)| name.clone()).collect();
-        Ok((columns, first.start + first.text.len()))
+        columns.of = found.map_err(|Unfit { message, help }| first.wrong(message).help(help))?;
+        Ok((columns, start))
     }
 
     /// The cells of a row without their quotes.
@@ -266,22 +203,30 @@ impl Columns {
         let n = points.len();
         let mut place = [0.0f64; 6];
         let (mut radius, mut color) = (1.0f32, [0.0f32; 3]);
+        let mut mapped = None;
         let mut count = 0;
+        let mapped_column = self.of.value.as_ref().map(|(at, _)| *at);
         for cell in self.cells(row) {
-            if let Some(Some(role)) = self.roles.get(count) {
+            let role = self.of.roles.get(count).copied().flatten();
+            let is_mapped = mapped_column == Some(count);
+            if role.is_some() || is_mapped {
                 let value = match self.number(&cell, &mut table.commas) {
                     Some(value) => value,
                     None if is_missing(cell.text) => f64::NAN,
-                    None => return Err(self.no_number(&cell, count, *role, points)),
+                    None => return Err(self.no_number(&cell, count, role, points)),
                 };
+                if is_mapped {
+                    mapped = Some((cell, value));
+                }
                 match role {
-                    Role::Point(index) => place[*index] = value,
-                    Role::Radius if value <= 0.0 && value.is_finite() => {
+                    None => {}
+                    Some(Role::Point(index)) => place[index] = value,
+                    Some(Role::Radius) if value <= 0.0 && value.is_finite() => {
                         let message = format!("column {}: radius is {value}; it must be more than 0", count + 1);
                         return Err(cell.wrong(message));
                     }
-                    Role::Radius => radius = value as f32,
-                    Role::Color(index) => color[*index] = value as f32,
+                    Some(Role::Radius) => radius = value as f32,
+                    Some(Role::Color(index)) => color[index] = value as f32,
                 }
             } else if count == self.count && cell.text.is_empty() {
                 // The row ends with a separator.
@@ -300,20 +245,34 @@ impl Columns {
         for exact in place[..n].chunks_exact(3).map(DVec3::from_slice) {
             table.points.push(exact.as_vec3(), exact);
         }
-        if self.radius {
+        if self.of.radius {
             table.radii.push(radius);
         }
-        if self.color {
+        if self.of.color {
             table.colors.push(color.into());
+        }
+        if let Some((cell, value)) = mapped {
+            if !value.is_finite() {
+                let cell = if cell.text.is_empty() { row } else { &cell };
+                return Err(cell.wrong(self.unmapped()).help("leave the row out, or give it a number"));
+            }
+            table.values.push(value);
         }
         Ok(())
     }
 
-    fn no_number(&self, cell: &Token<'_>, count: usize, role: Role, points: &[&str]) -> ImportError {
+    /// The message about a number of the colour map that is missing.
+    fn unmapped(&self) -> String {
+        let (at, name) = self.of.value.as_ref().map_or((0, ""), |(at, name)| (*at, name));
+        format!("column {} ({name}) has no finite number here, which the colour map needs", at + 1)
+    }
+
+    fn no_number(&self, cell: &Token<'_>, count: usize, role: Option<Role>, points: &[&str]) -> ImportError {
         let name = match role {
-            Role::Point(index) => points[index],
-            Role::Radius => "radius",
-            Role::Color(index) => ["red", "green", "blue"][index],
+            Some(Role::Point(index)) => points[index],
+            Some(Role::Radius) => "radius",
+            Some(Role::Color(index)) => ["red", "green", "blue"][index],
+            None => self.of.value.as_ref().map_or("", |(_, name)| name),
         };
         let message = format!("column {} ({name}): \"{}\" is not a number", count + 1, cell.shown());
         let complaint = cell.wrong(message);

@@ -133,7 +133,9 @@ impl Columns {
         if radius <= 0.0 && radius.is_finite() {
             return Err(line.wrong(format!("radius is {radius}; it must be more than 0")));
         }
-        let own = self.color.map(|at| Ok([number(at, "red")?, number(at + 1, "green")?, number(at + 2, "blue")?]));
+        let own = self
+            .color
+            .map(|at| Ok::<_, ImportError>([number(at, "red")?, number(at + 1, "green")?, number(at + 2, "blue")?]));
         let own: Option<[f64; 3]> = own.transpose()?;
         if !(center.as_vec3().is_finite() && radius.is_finite()) {
             atoms.lost.note(line);

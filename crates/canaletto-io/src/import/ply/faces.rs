@@ -4,6 +4,7 @@
 //! `texcoord` of two numbers for each corner, as MeshLab writes for "wedges". A vertex is then copied for each of its
 //! values.
 
+use super::super::cloud::CloudSettings;
 use super::header::Element;
 use super::payload::{Payload, Row};
 use super::{Extra, from_top, index, table};
@@ -64,7 +65,7 @@ impl FaceList {
         let lists = names.iter().filter_map(|name| element.property(&[name]));
         let mut wanted = Wanted {
             corners,
-            color: Extra::of(element, false),
+            color: Extra::of(element, false, &CloudSettings::default())?,
             uv: lists.into_iter().find(|at| element.properties[*at].length.is_some()),
         };
         if !mesh.colors.is_empty() {

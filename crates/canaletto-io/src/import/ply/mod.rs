@@ -14,6 +14,7 @@ mod header;
 mod payload;
 mod table;
 
+use super::cloud::CloudSettings;
 use super::lines::ImportError;
 use super::positions::Positions;
 use super::precision_warning::{self, Precision};
@@ -28,6 +29,7 @@ use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::memory;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
+use canaletto::texture::ColorSpace;
 use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header, Kind};
@@ -104,7 +106,8 @@ fn read_payload(
     for element in in_order(header)? {
         match element.name.as_str() {
             "vertex" => {
-                let wanted = Wanted::of(element, false)?;
+                let extra = Extra::of(element, false, &CloudSettings::default())?;
+                let wanted = Wanted { extra, ..Wanted::of(element)? };
                 said.extend(element.unused(&wanted.used()));
                 vertices(element, &wanted, &mut payload, &mut said)?.into_mesh(&mut mesh);
             }
@@ -151,14 +154,19 @@ fn has_direction(n: &Vec3) -> bool {
 
 /// Reads the vertices as spheres, whose radius is the property `radius` or `r` if there is one. Returns them with
 /// warnings.
-pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, Vec<ImportError>), ImportError> {
+pub(super) fn read_spheres(
+    name: &str,
+    view: View<'_>,
+    settings: &CloudSettings,
+) -> Result<(SphereCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
     let mut said = Vec::new();
     for element in in_order(&header)? {
         if element.name == "vertex" {
-            let wanted = Wanted::of(element, true)?;
-            let Vertices { positions, mut radii, mut colors, .. } =
+            let extra = Extra::of(element, true, settings)?;
+            let wanted = Wanted { extra, ..Wanted::of(element)? };
+            let Vertices { positions, mut radii, mut colors, mut values, .. } =
                 vertices(element, &wanted, &mut payload, &mut said)?;
             let (origin, mut centers) = positions.rebase();
             let good = |i: usize| centers[i].is_finite() && radii.get(i).is_none_or(|r: &f32| r.is_finite());
@@ -167,7 +175,15 @@ pub(super) fn read_spheres(name: &str, view: View<'_>) -> Result<(SphereCloud, V
             keep(&mut centers, &kept);
             keep(&mut radii, &kept);
             keep(&mut colors, &kept);
-            return Ok((SphereCloud { name: name.to_owned(), origin, centers, radii, colors }, said));
+            wanted.extra.check(&values, &kept)?;
+            keep(&mut values, &kept);
+            if let Some(map) = &settings.colormap {
+                colors = map.colors(&values);
+            }
+            return Ok((
+                SphereCloud { name: name.to_owned(), origin, centers, radii, colors, rows: row_numbers(&kept) },
+                said,
+            ));
         }
         payload.skip(element)?;
     }
@@ -179,6 +195,14 @@ pub(super) fn keep<T>(list: &mut Vec<T>, kept: &[bool]) {
     let mut kept = kept.iter();
     // An absent list stays empty.
     list.retain(|_| kept.next().is_none_or(|kept| *kept));
+}
+
+/// The numbers of the rows that are kept, from 1 on; none if these are all rows.
+pub(super) fn row_numbers(kept: &[bool]) -> Vec<u32> {
+    if kept.iter().all(|kept| *kept) {
+        return Vec::new();
+    }
+    (1..).zip(kept).filter(|(_, kept)| **kept).map(|(row, _)| row).collect()
 }
 
 /// The warning about rows that aren't kept.
@@ -194,7 +218,11 @@ pub(super) fn left_out(kept: &[bool], of: &str) -> Option<ImportError> {
 }
 
 /// Reads the edges as cylinders: element `edge` with `vertex1`, `vertex2`, and optional `radius` and colours.
-pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderCloud, Vec<ImportError>), ImportError> {
+pub(super) fn read_cylinders(
+    name: &str,
+    view: View<'_>,
+    settings: &CloudSettings,
+) -> Result<(CylinderCloud, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
     let mut payload = Payload::new(&header, view);
     let mut cloud = CylinderCloud { name: name.to_owned(), ..CylinderCloud::default() };
@@ -203,27 +231,30 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
             ImportError::file("it has no element `edge`").help("edges have vertex1, vertex2 and perhaps radius")
         );
     }
-    let (mut points, mut said) = (Vec::new(), Vec::new());
+    let (mut points, mut said, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    let mut extra = Extra::default();
     for element in in_order(&header)? {
         match element.name.as_str() {
             "vertex" => {
-                let wanted = Wanted { extra: Extra::default(), ..Wanted::of(element, false)? };
+                let wanted = Wanted::of(element)?;
                 (cloud.origin, points) = vertices(element, &wanted, &mut payload, &mut said)?.positions.rebase();
             }
             "edge" => {
                 let ends = element.numbers(["vertex1", "vertex2"]);
                 let ends = ends.ok_or_else(|| ImportError::file("edges need the properties vertex1 and vertex2"))?;
-                let extra = Extra::of(element, true);
-                let points = &points;
+                extra = Extra::of(element, true, settings)?;
+                let (extra, points) = (&extra, &points);
                 payload.rows(
                     element,
-                    CylinderCloud::default,
-                    |some, _, row| {
+                    <(CylinderCloud, Vec<f64>)>::default,
+                    |(some, values), _, row| {
+                        values.extend(extra.value.as_ref().map(|(at, _)| row.numbers[*at]));
                         let [a, b] = ends.map(|property| index(row.numbers[property], points.len()));
                         some.axes.push([points[a? as usize], points[b? as usize]]);
                         extra.read(row, &mut some.radii, &mut some.colors)
                     },
-                    |some| {
+                    |(some, some_values)| {
+                        values.extend(some_values);
                         cloud.axes.extend(some.axes);
                         cloud.radii.extend(some.radii);
                         cloud.colors.extend(some.colors);
@@ -241,6 +272,12 @@ pub(super) fn read_cylinders(name: &str, view: View<'_>) -> Result<(CylinderClou
     keep(&mut cloud.axes, &kept);
     keep(&mut cloud.radii, &kept);
     keep(&mut cloud.colors, &kept);
+    cloud.rows = row_numbers(&kept);
+    extra.check(&values, &kept)?;
+    keep(&mut values, &kept);
+    if let Some(map) = &settings.colormap {
+        cloud.colors = map.colors(&values);
+    }
     Ok((cloud, said))
 }
 
@@ -284,22 +321,51 @@ struct Extra {
     radius: Option<usize>,
     /// The properties of red, green and blue, and their type.
     color: Option<([usize; 3], Kind)>,
-    /// The linear value of each of the 256 sRGB bytes.
+    /// The linear value of each byte of a colour.
     bytes: Vec<f32>,
+    /// What the scene says of the colours' numbers.
+    space: Option<ColorSpace>,
+    /// The property with the numbers of the colour map, and its name.
+    value: Option<(usize, String)>,
 }
 
 impl Extra {
-    fn of(element: &Element, with_radius: bool) -> Extra {
+    fn of(element: &Element, with_radius: bool, settings: &CloudSettings) -> Result<Extra, ImportError> {
         let names = [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
         let color = names.iter().find_map(|names| element.numbers(*names));
         let color = color.or_else(|| element.numbers(["r", "g", "b"]));
         let number = |name: &str| element.numbers([name]).map(|[at]| at);
         let radius = number("radius").or_else(|| number("r").filter(|r| color.is_none_or(|c| c[0] != *r)));
-        Extra {
+        let value = match settings.colormap.as_ref().map(|map| &map.column) {
+            None => None,
+            Some(wanted) => Some(number(&wanted.to_lowercase()).map(|at| (at, wanted.clone())).ok_or_else(|| {
+                let names: Vec<&str> = element.properties.iter().map(|property| property.name.as_str()).collect();
+                ImportError::file(format!("there is no property \"{wanted}\" for the colour map")).help(format!(
+                    "the properties of element {} are {}",
+                    element.name,
+                    names.join(", ")
+                ))
+            })?),
+        };
+        let byte = |byte: u16| {
+            let share = f32::from(byte) / 255.0;
+            if settings.colors == Some(ColorSpace::Linear) { share } else { decode_srgb(share) }
+        };
+        Ok(Extra {
             radius: radius.filter(|_| with_radius),
             color: color.map(|c| (c, element.properties[c[0]].kind)),
-            bytes: (0..=255).map(|byte| decode_srgb(byte as f32 / 255.0)).collect(),
-        }
+            bytes: (0..=255).map(byte).collect(),
+            space: settings.colors,
+            value,
+        })
+    }
+
+    /// Checks that the kept numbers of the colour map are finite.
+    fn check(&self, values: &[f64], kept: &[bool]) -> Result<(), ImportError> {
+        let wrong = values.iter().zip(kept).position(|(value, kept)| *kept && !value.is_finite());
+        let (Some(row), Some((_, name))) = (wrong, &self.value) else { return Ok(()) };
+        let message = format!("row {} (from 0): {name} isn't a finite number, which the colour map needs", row);
+        Err(ImportError::file(message).help("leave the row out, or give it a number"))
     }
 
     fn read(&self, row: &Row, radii: &mut Vec<f32>, colors: &mut Vec<Rgb>) -> Result<(), String> {
@@ -340,7 +406,7 @@ impl Extra {
             Some((_, Kind::U32)) => Written::Whole(4_294_967_295.0),
             Some((_, Kind::F32 | Kind::F64)) => Written::Real,
         };
-        table_color::normalise(colors, written, of)
+        table_color::normalise(colors, written, self.space, of)
     }
 }
 
@@ -351,6 +417,8 @@ struct Vertices {
     uvs: Vec<Vec2>,
     radii: Vec<f32>,
     colors: Vec<Rgb>,
+    /// The numbers of the colour map.
+    values: Vec<f64>,
 }
 
 impl Vertices {
@@ -371,14 +439,15 @@ struct Wanted {
 }
 
 impl Wanted {
-    fn of(element: &Element, with_radius: bool) -> Result<Wanted, ImportError> {
+    /// The properties of vertices without colours and radii.
+    fn of(element: &Element) -> Result<Wanted, ImportError> {
         let names = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
         let position = element.numbers(["x", "y", "z"]);
         Ok(Wanted {
             position: position.ok_or_else(|| ImportError::file("its vertices need the properties x, y and z"))?,
             normal: element.numbers(["nx", "ny", "nz"]),
             uv: names.iter().find_map(|names| element.numbers(*names)),
-            extra: Extra::of(element, with_radius),
+            extra: Extra::default(),
         })
     }
 
@@ -403,6 +472,7 @@ impl Wanted {
         out.positions.push(vector(self.position), DVec3::from(exact));
         out.normals.extend(self.normal.map(vector));
         out.uvs.extend(self.uv.map(|uv| from_top(Vec2::from(uv.map(|property| row.numbers[property] as f32)))));
+        out.values.extend(self.extra.value.as_ref().map(|(at, _)| row.numbers[*at]));
         self.extra.read(row, &mut out.radii, &mut out.colors)
     }
 }
@@ -428,7 +498,8 @@ fn vertices(
         let help = "each vertex takes 12 bytes for its place, and as many for its normal and its colour";
         ImportError::file(format!("{e}, which its {} vertices take", element.count)).help(help)
     })?;
-    let mut out = match table::vertices(element, wanted, payload) {
+    let fast = if wanted.extra.value.is_none() { table::vertices(element, wanted, payload) } else { None };
+    let mut out = match fast {
         Some(vertices) => vertices,
         None => {
             let mut out = Vertices::default();
@@ -442,6 +513,7 @@ fn vertices(
                     out.uvs.extend(some.uvs);
                     out.radii.extend(some.radii);
                     out.colors.extend(some.colors);
+                    out.values.extend(some.values);
                 },
             )?;
             out

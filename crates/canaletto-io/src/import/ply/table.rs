@@ -230,7 +230,7 @@ pub(super) fn vertices(element: &Element, wanted: &Wanted, payload: &mut Payload
     good.then(|| payload.pass(count * stride))?;
     let colors = colors.into_iter().map(Rgb::from).collect();
     let positions = Positions::from_parts(positions, rest);
-    Some(Vertices { positions, normals, uvs, radii, colors })
+    Some(Vertices { positions, normals, uvs, radii, colors, values: Vec::new() })
 }
 
 /// Whether `work` succeeds for all parts; after a failure, parts that have not started are skipped. Each thread has a

@@ -101,13 +101,13 @@ fn clouds_take_points_and_edges() {
     let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
         property float radius\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nproperty float radius\nend_header\n\
         1 2 3 0.5\n4 5 6 0.25\n0 1 0.125\n";
-    let spheres = read_spheres("a", text.as_bytes().into()).unwrap().0;
+    let spheres = read_spheres("a", text.as_bytes().into(), &CloudSettings::default()).unwrap().0;
     assert_eq!((spheres.centers[1], spheres.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.5, 0.25][..]));
-    let cylinders = read_cylinders("a", text.as_bytes().into()).unwrap().0;
+    let cylinders = read_cylinders("a", text.as_bytes().into(), &CloudSettings::default()).unwrap().0;
     assert_eq!((cylinders.axes[0][1], cylinders.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.125][..]));
     assert!(error(text).contains("it has points but no faces"));
     assert_eq!(
-        read_spheres("a", text.replace("0.25", "0").as_bytes().into()).unwrap_err().message,
+        read_spheres("a", text.replace("0.25", "0").as_bytes().into(), &CloudSettings::default()).unwrap_err().message,
         "vertex 1: radius is 0; it must be more than 0"
     );
 }
@@ -464,14 +464,14 @@ fn points_without_a_place_or_size_are_left_out() {
         )
     };
     let rows = text("0 0 0 1 1 0 0\nnan 0 0 1 1 1 1\n0 1 0 nan 1 1 1\n0 2 0 2 0 nan 1\n");
-    let (cloud, said) = read_spheres("a", rows.as_bytes().into()).unwrap();
+    let (cloud, said) = read_spheres("a", rows.as_bytes().into(), &CloudSettings::default()).unwrap();
     assert_eq!((cloud.centers.as_slice(), cloud.radii.as_slice()), (&[Vec3::ZERO, Vec3::Y * 2.0][..], &[1.0, 2.0][..]));
     assert_eq!(cloud.colors, [Rgb::new(1.0, 0.0, 0.0), Rgb::WHITE]);
     assert!(said[0].message.contains("1 colours of its vertices have a number that isn't finite"), "{said:?}");
     assert!(
         said[1].message.starts_with("2 of 4 points are left out") && said[1].message.contains("the first is number 2")
     );
-    let (cloud, said) = read_cylinders("a", rows.as_bytes().into()).unwrap();
+    let (cloud, said) = read_cylinders("a", rows.as_bytes().into(), &CloudSettings::default()).unwrap();
     assert_eq!(cloud.axes, [[Vec3::ZERO, Vec3::Y * 2.0]]);
     assert!(said[0].message.starts_with("1 of 2 edges are left out"), "{said:?}");
 }

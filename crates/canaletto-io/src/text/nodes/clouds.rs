@@ -4,17 +4,18 @@ use super::shapes::{CAPS, DEFAULT_CAPS};
 use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::assets::{Asset, AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
-use crate::import::{self, CloudFormat};
+use crate::import::{self, CloudFormat, CloudSettings, Colormap, ColumnColors};
 use crate::text::decode::Decoder;
 use crate::text::files::Files;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{Field, NodeSchema, Numbers, Text};
+use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Numbers, Text};
 use crate::text::syntax::{Span, Value};
 use canaletto::OutOfRange;
 use canaletto::math::Rgb;
 use canaletto::scene::Content;
 use canaletto::shape::{CylinderCloud, SphereCloud};
+use canaletto::texture::ColorSpace;
 use glam::DVec3;
 
 const POINTS: Field<Numbers> = Field::groups("points", 3, "the centres");
@@ -26,8 +27,41 @@ const CYLINDER_DATA: Field<Text> = Field::text(
     "lines of `x y z x y z`, each with a radius, a colour `r g b` or both behind it; # starts a comment",
 );
 const CLOUD_FILE: Field<Text> =
-    Field::text("file", "a file with them: .csv, .tsv, .xyz, .txt, .ply or .bin; see below");
+    Field::text("file", "a file with them: .csv, .tsv, .xyz, .txt, .ply, .npy, .npz or .bin; see below");
 const RADIUS: Field<f32> = Field::new("radius", "the radius of those that have none of their own");
+const COLORS: Field<ColorSpace> = Field::one_of(
+    "colors",
+    &["srgb", "linear"],
+    "what the numbers of the table's colours are; numbers beyond 1 are shares of 255 or 65535 with \"srgb\", and light \
+     brighter than white with \"linear\"",
+)
+.or(|| "by their type and size".into());
+const COLUMNS: Field<Text> = Field::text(
+    "columns",
+    "the names of all columns of the file in their order, such as \"x y z heat\", in place of those in it",
+);
+const ARRAY: Field<Text> = Field::text("array", "the array of an .npz file that has several");
+const COLORMAP_FIELD: Field<Block> =
+    Field::block(&COLORMAP, "colours by the numbers of a column, in place of the table's own; see below");
+
+const MAP: Field<Colormap> = Field::word("map", "the colour map of matplotlib").needed();
+const COLUMN: Field<Text> = Field::text("column", "the column's name, or its number from 1 on").needed();
+const LEAST: Field<f64> =
+    Field::new("min", "the number that has the first colour, as have those beyond").or(|| "the column's least".into());
+const MOST: Field<f64> = Field::new("max", "the number that has the last colour; less than min turns the map round")
+    .or(|| "the column's largest".into());
+
+/// `colormap` in a cloud.
+pub(crate) static COLORMAP: NodeSchema = NodeSchema::new(
+    "colormap",
+    "Colours of a table by the numbers of a column.",
+    &[&[COLUMN.schema, LEAST.schema, MOST.schema]],
+)
+.argument(MAP.schema)
+.example("colormap \"viridis\" column=\"heat\" min=0 max=40");
+
+/// The fields that say how a table is read.
+const TABLE: &[FieldSchema] = &[COLORS.schema, COLORMAP_FIELD.schema, COLUMNS.schema, ARRAY.schema];
 
 pub(super) static SPHERES: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
@@ -35,6 +69,7 @@ pub(super) static SPHERES: ObjectNode = ObjectNode {
         "A cloud: many spheres as one object, up to many millions. They stand in `points`, `data` or `file`.",
         &[
             &[POINTS.schema, DATA.schema, CLOUD_FILE.schema, RADIUS.schema],
+            TABLE,
             &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema],
         ],
     )
@@ -50,6 +85,7 @@ pub(crate) static CYLINDERS: ObjectNode = ObjectNode {
         "A cloud of cylinders. They stand in `axes`, `data` or `file`.",
         &[
             &[AXES.schema, CYLINDER_DATA.schema, CLOUD_FILE.schema, RADIUS.schema, CAPS.schema],
+            TABLE,
             &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema],
         ],
     )
@@ -90,7 +126,7 @@ impl Decoder<'_> {
                 let (origin, centers) = import::counted(centers);
                 let (radii, colors) = self.rest(f, &rows, 3)?;
                 self.rounded(f, import::inline_cloud(&centers, 1, &radii, origin));
-                SphereCloud { name: name(f), origin, centers, radii, colors }
+                SphereCloud { name: name(f), origin, centers, radii, colors, rows: Vec::new() }
             }
         };
         if let Err(problem) = cloud.check() {
@@ -111,7 +147,7 @@ impl Decoder<'_> {
                 let axes = ends.as_chunks().0.to_vec();
                 let (radii, colors) = self.rest(f, &rows, 6)?;
                 self.rounded(f, import::inline_cloud(&ends, 2, &radii, origin));
-                CylinderCloud { name: name(f), origin, axes, radii, colors, caps: DEFAULT_CAPS }
+                CylinderCloud { name: name(f), origin, axes, radii, colors, rows: Vec::new(), caps: DEFAULT_CAPS }
             }
         };
         cloud.caps = f.get(&CAPS).unwrap_or(DEFAULT_CAPS);
@@ -156,6 +192,7 @@ impl Decoder<'_> {
 
     /// The rows in the node itself or in a text.
     fn rows(&mut self, f: &Fields, source: Source, inline: &Field<Numbers>, columns: usize) -> Option<Rows> {
+        self.without_file(f);
         match source {
             Source::Inline => Some(Rows { columns, numbers: f.all(inline)? }),
             Source::Data => self.data(f, columns),
@@ -164,9 +201,57 @@ impl Decoder<'_> {
     }
 
     /// The cache key of a cloud file with its radius.
-    fn key(&self, kind: &str, f: &Fields) -> Option<String> {
+    fn key(&self, kind: &str, f: &Fields, settings: &CloudSettings) -> Option<String> {
         let from = self.validator.files.get(f.span(&CLOUD_FILE).file)?.path.location().display().to_string();
-        Some(format!("{kind} {} {from} {:?}", f.text(&CLOUD_FILE)?, f.get(&RADIUS).map(f32::to_bits)))
+        Some(format!("{kind} {} {from} {settings:?}", f.text(&CLOUD_FILE)?))
+    }
+
+    /// What the node says of its table besides its file.
+    fn table_settings(&mut self, f: &Fields) -> Option<CloudSettings> {
+        let colormap = match self.block_or_word(f, &COLORMAP_FIELD) {
+            None if f.has(&COLORMAP_FIELD) => return None,
+            None => None,
+            Some(Ok(inner)) => Some(ColumnColors {
+                map: inner.word(&MAP)?,
+                column: inner.text(&COLUMN)?.to_owned(),
+                range: [inner.get(&LEAST), inner.get(&MOST)],
+            }),
+            Some(Err(word)) => {
+                let message = Message::error(f.span(&COLORMAP_FIELD), "a colormap needs a column");
+                let help = format!("colormap \"{word}\" column=\"…\" as a node, with the name of the column");
+                self.validator.report.push(message.help(help));
+                self.valid = false;
+                return None;
+            }
+        };
+        if let Some(ColumnColors { range: [Some(min), Some(max)], .. }) = &colormap
+            && min == max
+        {
+            let message = format!("min and max of the colormap are both {min}; they must differ");
+            self.validator.report.error(f.span(&COLORMAP_FIELD), message);
+            self.valid = false;
+        }
+        let names = f.text(&COLUMNS).unwrap_or_default().split([' ', ',', '\t', '\n', '\r']);
+        Some(CloudSettings {
+            radius: f.get(&RADIUS),
+            colors: f.word(&COLORS),
+            colormap,
+            columns: names.filter(|name| !name.is_empty()).map(str::to_lowercase).collect(),
+            array: f.text(&ARRAY).map(str::to_owned),
+        })
+    }
+
+    /// Reports fields that only a file's table has.
+    fn without_file(&mut self, f: &Fields) {
+        for (name, given) in [
+            (COLORMAP_FIELD.name(), f.has(&COLORMAP_FIELD)),
+            (COLUMNS.name(), f.has(&COLUMNS)),
+            (ARRAY.name(), f.has(&ARRAY)),
+        ] {
+            if given {
+                self.out_of_range(f, &OutOfRange::new(name, "is of the table in a file, and file is missing"));
+            }
+        }
     }
 
     /// The cloud of a file. `kind` names it in the cache.
@@ -174,12 +259,21 @@ impl Decoder<'_> {
         &mut self,
         kind: &str,
         f: &Fields,
-        read: impl FnOnce(&Asset, CloudFormat, Option<f32>) -> Result<(T, Diagnostics), Diagnostics>,
+        read: impl FnOnce(&Asset, CloudFormat, CloudSettings) -> Result<(T, Diagnostics), Diagnostics>,
     ) -> Option<T> {
-        let key = self.key(kind, f)?;
+        let settings = self.table_settings(f)?;
+        let key = self.key(kind, f, &settings)?;
         let read = || {
             let (asset, format) = open(self.assets, self.validator.files, f)?;
-            read(&asset, format, f.get(&RADIUS)).map_err(Unread::Wrong)
+            if f.has(&COLUMNS) && !matches!(format, CloudFormat::Text | CloudFormat::Numpy) {
+                let message = "columns names those of a text, .npy or .npz; this file has its own names";
+                return Err(Unread::Said(Message::error(f.span(&COLUMNS), message)));
+            }
+            if f.has(&ARRAY) && format != CloudFormat::Numpy {
+                let message = "array names one of an .npz file, and this file is none";
+                return Err(Unread::Said(Message::error(f.span(&ARRAY), message)));
+            }
+            read(&asset, format, settings).map_err(Unread::Wrong)
         };
         let read = self.keep.get(key, read);
         let (cloud, warnings) = self.unread(f, read)?;
@@ -274,7 +368,13 @@ impl Decoder<'_> {
             Vec::new()
         } else {
             let color = |row: &[f64]| Rgb::from([3, 2, 1].map(|back| row[rows.columns - back] as f32));
-            each.map(color).collect()
+            let mut colors: Vec<Rgb> = each.map(color).collect();
+            if let Some(space) = f.word(&COLORS) {
+                for said in import::colors_of_rows(&mut colors, space) {
+                    self.validator.report.push(Message::warning(Some(f.node.name_span), said));
+                }
+            }
+            colors
         };
         Some((radii, colors))
     }

@@ -186,9 +186,10 @@ static DISK_LIGHT: LightNode = light_node(
     },
 );
 
-const CORNER: Field<Vec3> = Field::new("corner", "a corner").needed().places();
-const U: Field<Vec3> = Field::new("u", "an edge from there").needed();
-const V: Field<Vec3> = Field::new("v", "the other edge from there; u × v looks out of its outer side").needed();
+pub(super) const CORNER: Field<Vec3> = Field::new("corner", "a corner").needed().places();
+pub(super) const U: Field<Vec3> = Field::new("u", "an edge from there").needed();
+pub(super) const V: Field<Vec3> =
+    Field::new("v", "the other edge from there; u × v looks out of its outer side").needed();
 
 static RECTANGLE_LIGHT: LightNode = light_node(
     &["rectangle"],

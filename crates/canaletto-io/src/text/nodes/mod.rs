@@ -107,6 +107,7 @@ pub(crate) static OBJECTS: &[&ObjectNode] = &[
     &shapes::TRIANGLE,
     &shapes::PLANE,
     &shapes::DISK,
+    &shapes::RECTANGLE,
     &shapes::CYLINDER,
     &shapes::CONE,
     &shapes::TORUS,

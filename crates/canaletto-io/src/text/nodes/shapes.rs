@@ -1,9 +1,10 @@
 //! The nodes of shapes.
 
+use super::lights::{CORNER, U, V};
 use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::text::reader::Fields;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag};
-use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Plane, Shape, Sphere, Torus, Triangle};
+use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Parallelogram, Plane, Shape, Sphere, Torus, Triangle};
 use glam::Vec3;
 
 const OBJECT: &[FieldSchema] = &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema];
@@ -66,6 +67,12 @@ pub(super) static DISK: ObjectNode = shape(
     NodeSchema::new("disk", "A flat disk.", &[&[CENTER.schema, NORMAL.schema, RADIUS.schema], OBJECT])
         .example("disk { center 0 0 0; normal 0 1 0; radius 3 }"),
     |f| Some(Shape::Disk(Disk { center: f.get(&CENTER)?, normal: f.get(&NORMAL)?, radius: f.get(&RADIUS)? })),
+);
+
+pub(super) static RECTANGLE: ObjectNode = shape(
+    NodeSchema::new("rectangle", "A rectangle, or any parallelogram.", &[&[CORNER.schema, U.schema, V.schema], OBJECT])
+        .example("rectangle { corner -1 0 1; u 2 0 0; v 0 0 -2 }"),
+    |f| Some(Shape::Rectangle(Parallelogram { corner: f.get(&CORNER)?, u: f.get(&U)?, v: f.get(&V)? })),
 );
 
 const CYLINDER_BASE: Field<Vec3> = Field::new("base", "the centre of one end").needed().places();

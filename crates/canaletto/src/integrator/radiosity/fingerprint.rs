@@ -98,14 +98,14 @@ impl SolutionFingerprint {
             bodies.meshes.push(of_mesh(mesh));
             add_colors(&mut of_materials, &mesh.colors);
         }
-        for SphereCloud { name: _, origin, centers, radii, colors } in spheres {
+        for SphereCloud { name: _, origin, centers, radii, colors, rows: _ } in spheres {
             let mut hash = of_debug(origin);
             add_points(&mut hash, centers);
             add_numbers(&mut hash, radii);
             bodies.spheres.push(hash.finish());
             add_colors(&mut of_materials, colors);
         }
-        for CylinderCloud { name: _, origin, axes, radii, colors, caps } in cylinders {
+        for CylinderCloud { name: _, origin, axes, radii, colors, rows: _, caps } in cylinders {
             let mut hash = of_debug(&(origin, caps));
             add_points(&mut hash, axes.as_flattened());
             add_numbers(&mut hash, radii);

@@ -158,7 +158,7 @@ impl Facets {
             };
         let is_far = matches!(facet_tolerance, FacetTolerance::Distance { .. }) || matches!(shape, Shape::Plane(_));
         let exact_positions = is_far.then(|| tessellation.vertices.iter().map(|v| v.point).collect());
-        let is_exact = matches!(shape, Shape::Box(_) | Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_));
+        let is_exact = shape.is_polygonal() || matches!(shape, Shape::Disk(_));
         let one_sided = matches!(shape, Shape::Triangle(triangle) if triangle.one_sided);
         let mesh = Mesh {
             positions: tessellation.vertices.iter().map(|v| v.point.as_vec3()).collect(),
