@@ -2,9 +2,9 @@
 
 use super::arithmetic::{CONSTANTS, FUNCTIONS, MAX_COPIES, MAX_KEPT_COPIES, MEDIA};
 use super::nodes::{
-    self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, CONDUCTOR, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW, INCLUDE,
-    LENS, LIGHTS, MATERIAL_NODE, MEDIUM, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, STANDARD, STANDARD_BLOCKS,
-    SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
+    self, CAMERA, CAMERA_FOLLOW, CAMERA_MOTION, COLORMAP, CONDUCTOR, CYLINDERS, ENVIRONMENTS, FILM, FILTER, FOLLOW,
+    INCLUDE, LENS, LIGHTS, MATERIAL_NODE, MEDIUM, MOTION, OBJECTS, POINT_FOLLOW, SAMPLE, SETTINGS, STANDARD,
+    STANDARD_BLOCKS, SURFACE_TEXTURE, TEXTURES, TRANSFORMS, kind_of,
 };
 use super::schema::{FieldSchema, NodeSchema, ValueType};
 use super::syntax::{MAX_DEPTH, MAX_ITEMS};
@@ -67,6 +67,7 @@ pub fn reference_markdown() -> String {
         node(&mut out, &object.schema, object.schema.name);
         if std::ptr::eq(*object, &CYLINDERS) {
             out.push_str(CLOUDS);
+            node(&mut out, &COLORMAP, "spheres, cylinders: colormap");
         }
     }
     out.push_str("\n## Lights\n\nLights may stand in groups and move with them, by transforms of their own too.\n");
@@ -303,8 +304,8 @@ spheres material="blue" { data """
 ```
 
 Every line has the same count of numbers. A colour replaces the material's kd. Files are tables in the same columns
-(`.csv`, `.tsv`, `.xyz`, `.txt`), atoms of an XYZ file, PLY, or little-endian `f32` records (`.bin`: `x y z radius`, or
-`x y z x y z radius`); see [Files that come in](import.md).
+(`.csv`, `.tsv`, `.xyz`, `.txt`), atoms of an XYZ file, PLY, arrays of NumPy (`.npy`, `.npz`), or little-endian `f32`
+records (`.bin`: `x y z radius`, or `x y z x y z radius`); see [Files that come in](import.md).
 "#;
 
 const TRANSFORM_RULES: &str = r#"

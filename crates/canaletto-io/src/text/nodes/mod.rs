@@ -22,7 +22,7 @@ pub(crate) mod tests;
 mod texture;
 
 pub(crate) use camera::{CAMERA, CAMERA_MOTION, CENTER, DEFAULT_CAMERA, EYE, LENS, SHUTTER, SIZE};
-pub(crate) use clouds::CYLINDERS;
+pub(crate) use clouds::{COLORMAP, CYLINDERS};
 pub(crate) use environment::{ENVIRONMENT, ENVIRONMENTS, environment};
 pub(crate) use film::{CROP, FILM, FILTER, SAMPLE};
 pub(crate) use groups::{GROUP, INSTANCE, OF, PROTOTYPE};
