@@ -2,11 +2,10 @@
 //! objects: their numbers in every integrator.
 
 use canaletto::camera::Camera;
-use canaletto::job::Aov;
 use canaletto::light::{Emission, Light, LightKind, RectangleLight};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
-use canaletto::render::{Job, render};
+use canaletto::render::{Aov, Job, render};
 use canaletto::scene::{
     Content, Extrinsics, FilmSettings, Integrator, Intrinsics, Node, PathSettings, RadiositySettings, Sampling, Scene,
     WhittedSettings, ZbufferSettings,
@@ -18,7 +17,7 @@ use canaletto_io::text::read_scene;
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
 
-fn job(size: [u32; 2], fovy: f32, eye: DVec3, integrator: impl Into<Integrator>, samples: u32) -> Job {
+fn job(size: [u32; 2], fovy: f64, eye: DVec3, integrator: impl Into<Integrator>, samples: u32) -> Job {
     let intrinsics = Intrinsics { fovy, width: size[0], height: size[1], ..Intrinsics::default() };
     let extrinsics = Extrinsics { eye, center: DVec3::ZERO, up: DVec3::Y };
     let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
@@ -136,7 +135,7 @@ fn elements_are_numbered_by_the_rows_of_their_tables() {
         spheres material=\"m\" { file \"a.csv\"; colormap \"turbo\" column=\"v\"; radius 0.6 }\n\
         cylinders material=\"m\" { data \"-9 -4 0 -5 -4 0\\n-3 -4 0 3 -4 0\\n5 -4 0 9 -4 0\"; radius 0.5 }\n\
         mesh file=\"a.obj\" material=\"m\"\nsphere material=\"m\" { center 0 6 0; radius 0.5 }\n\
-        instance \"i\" { translate 0 2 0 }\nprototype \"i\" { spheres material=\"m\" { points 5 0 0  7 0 0; radius 0.6 } }\n";
+        light \"omni\" { position 3 5 30 }\ninstance \"i\" { translate 0 2 0 }\nprototype \"i\" { spheres material=\"m\" { points 5 0 0  7 0 0; radius 0.6 } }\n";
     let rows = "x,y,z,v\n-6,0,0,1\nnan,0,0,2\n-3,0,0,3\n\n0,0,0,4\n,0,0,5\n3,0,0,6\n";
     let quads = "v -8 3 0\nv -6 3 0\nv -6 5 0\nv -8 5 0\nv -4 5 0\nv -4 3 0\nf 1 2 3\nf 1 3 4\nf 2 6 5\nf 2 5 3\n";
     let assets = MemoryAssets::new().with("s.kdl", scene).with("a.csv", rows).with("a.obj", quads);

@@ -70,7 +70,7 @@ pub struct ShapeHit {
     /// The ray's parameter, 0 < t ≤ t_max.
     pub t: f32,
     /// The part of the shape that was hit: a box's face (−x, +x, −y, +y, −z, +z), a cylinder's or cone's side (0), base
-    /// (1) or top (2). It is 0 for other shapes.
+    /// (1) or top (2), a rectangle's half on either side of its diagonal. It is 0 for other shapes.
     pub part: u32,
     /// The barycentric coordinates where the shape has them, else zero.
     pub uv: [f32; 2],
@@ -197,6 +197,8 @@ impl Shape {
             Shape::Cylinder(s) => Shape::Cylinder(s.transformed(t)?),
             Shape::Cone(s) => Shape::Cone(s.transformed(t)?),
             Shape::Torus(s) => Shape::Torus(s.transformed(t)?),
+            // Swapped edges would turn its image.
+            Shape::Rectangle(_) if solve::mirrors(t) => return None,
             Shape::Rectangle(s) => Shape::Rectangle(s.transformed(t)),
         };
         moved.check().is_ok().then_some(moved)

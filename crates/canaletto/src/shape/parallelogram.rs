@@ -39,32 +39,32 @@ impl Parallelogram {
         HALVES.map(|half| half.map(|i| corners[i]))
     }
 
-    /// The hit, if its t lies in (0, t_max]. Its uv are the shares of the edges u and v. The halves are met as triangles
-    /// of a mesh are, so that no ray passes between neighbours with common corners.
+    /// The hit, if its t lies in (0, t_max]. Its part is the half on one side of the diagonal, and its uv are the
+    /// barycentric coordinates there. The halves are met as triangles of a mesh are, so that no ray passes between
+    /// neighbours with common corners.
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<ShapeHit> {
         let ray = ray.prepare();
-        let met = self.halves().map(|half| kernel::intersect(&ray, &kernel::Triangle::new(half), t_max));
-        let [first, second] = met;
-        let first = first.map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u + hit.v, hit.v] });
-        let second = || second.map(|hit| ShapeHit { t: hit.t, part: 0, uv: [hit.u, hit.u + hit.v] });
-        first.or_else(second)
+        (0..).zip(self.halves()).find_map(|(part, half)| {
+            let hit = kernel::intersect(&ray, &kernel::Triangle::new(half), t_max)?;
+            Some(ShapeHit { t: hit.t, part, uv: [hit.u, hit.v] })
+        })
     }
 
     /// The surface at a hit.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
-        let [a, b] = hit.uv;
-        let is_first = a >= b;
+        let is_first = hit.part == 0;
         let half = Corners { positions: self.halves()[usize::from(!is_first)], normals: None };
-        let shares = |u: f64, v: f64| if is_first { DVec2::new(u + v, v) } else { DVec2::new(u, u + v) };
-        let upright = |shares: DVec2| DVec2::new(shares.x, 1.0 - shares.y);
+        // The shares of the edges u and v, of which the latter counts from the far edge.
+        let upright =
+            |[u, v]: [f64; 2]| if is_first { DVec2::new(u + v, 1.0 - v) } else { DVec2::new(u, 1.0 - (u + v)) };
         if half.is_large(&line, hit.t) {
             let surface = half.on_line(&line).0;
-            let [u, v] = (surface.uv.as_dvec2() + surface.uv_rest.as_dvec2()).into();
-            return surface.with_fine_uv(upright(shares(u, v)));
+            let uv = surface.uv.as_dvec2() + surface.uv_rest.as_dvec2();
+            return surface.with_fine_uv(upright(uv.into()));
         }
-        let surface = if is_first { half.surface(a - b, b) } else { half.surface(a, b - a) };
-        Surface { uv: upright(DVec2::new(a.into(), b.into())).as_vec2(), ..surface }
+        let [u, v] = hit.uv;
+        Surface { uv: upright([u, v].map(f64::from)).as_vec2(), ..half.surface(u, v) }
     }
 
     /// The surface differential at every point.

@@ -432,7 +432,9 @@ impl Tessellation {
         for (corner, uv) in sheet.corners().into_iter().zip(uv) {
             tessellation.add(corner.as_dvec3(), sheet.normal(), uv, Place::Between);
         }
-        tessellation.push(0, HALVES.map(|half| half.map(|i| i as u32)));
+        for (part, half) in (0..).zip(HALVES) {
+            tessellation.push(part, [half.map(|i| i as u32)]);
+        }
         tessellation
     }
 

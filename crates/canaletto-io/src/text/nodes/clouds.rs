@@ -57,8 +57,7 @@ pub(crate) static COLORMAP: NodeSchema = NodeSchema::new(
     "Colours of a table by the numbers of a column.",
     &[&[COLUMN.schema, LEAST.schema, MOST.schema]],
 )
-.argument(MAP.schema)
-.example("colormap \"viridis\" column=\"heat\" min=0 max=40");
+.argument(MAP.schema);
 
 /// The fields that say how a table is read.
 const TABLE: &[FieldSchema] = &[COLORS.schema, COLORMAP_FIELD.schema, COLUMNS.schema, ARRAY.schema];
