@@ -121,7 +121,9 @@ impl Revolution {
                     profile: Profile::Line([[0.0; 2], [(*radius).into(), 0.0]]),
                 }
             }
-            Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => return None,
+            Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) | Shape::Partial(_) => {
+                return None;
+            }
         })
     }
 

@@ -8,7 +8,7 @@ use super::{Plane, ShapeHit, Surface, SurfaceDifferential};
 use crate::OutOfRange;
 use crate::math::{DRay, Transform};
 use canaletto_bvh::{Aabb, Ray};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A flat round disk.
@@ -38,6 +38,12 @@ impl Disk {
         let hit = solve::hit(t, 0, t_max)?;
         let r = f64::from(self.radius);
         (plane.offset(ray.into(), t).length_squared() <= r * r).then_some(hit)
+    }
+
+    /// The place where a ray meets the disk's plane, relative to the centre.
+    pub(super) fn offset(&self, ray: &Ray) -> DVec3 {
+        let (plane, line) = (self.plane(), ray.into());
+        plane.offset(line, plane.parameter(line))
     }
 
     /// The surface at a hit.

@@ -78,7 +78,7 @@ impl BaseMesh {
             Shape::Cone(Cone { base, top, radius, top_radius, caps }) => {
                 frustum([*base, *top], [*radius, *top_radius], *caps)
             }
-            Shape::Plane(_) | Shape::Disk(_) | Shape::Torus(_) => return None,
+            Shape::Plane(_) | Shape::Disk(_) | Shape::Torus(_) | Shape::Partial(_) => return None,
         };
         let one_sided = matches!(shape, Shape::Triangle(Triangle { one_sided: true, .. }));
         let vertex = |v: TessellationVertex| Vertex {

@@ -85,9 +85,18 @@ impl Frustum {
             let (s, part) = if (p.ray.t0 + enter.0) as f32 > 0.0 { enter } else { leave };
             return solve::hit(p.ray.t0 + s, part, t_max);
         }
+        self.first_on_side(&p, t_max, |_| true)
+    }
+
+    /// The nearest hit on the parts of the side that are there, by the place of the point relative to the base.
+    pub(super) fn intersect_side(&self, ray: &Ray, t_max: f32, is_there: impl Fn(DVec3) -> bool) -> Option<ShapeHit> {
+        self.first_on_side(&self.part(ray.into()), t_max, is_there)
+    }
+
+    fn first_on_side(&self, p: &AxialRay, t_max: f32, is_there: impl Fn(DVec3) -> bool) -> Option<ShapeHit> {
         quadratic(p.a, p.b, p.c)?
             .into_iter()
-            .filter(|s| (0.0..=self.height).contains(&(p.oh + s * p.dh)))
+            .filter(|s| (0.0..=self.height).contains(&(p.oh + s * p.dh)) && is_there(p.ray.o + p.ray.d * *s))
             .find_map(|s| solve::hit(p.ray.t0 + s, SIDE, t_max))
     }
 

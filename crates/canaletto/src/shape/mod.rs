@@ -14,6 +14,7 @@ pub(crate) mod displace;
 mod frustum;
 mod mesh;
 mod parallelogram;
+mod partial;
 mod plane;
 #[cfg(test)]
 mod properties;
@@ -44,6 +45,7 @@ pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use mesh::Mesh;
 pub use parallelogram::Parallelogram;
+pub use partial::{Partial, Round};
 pub use plane::Plane;
 pub use sample::{SurfaceSample, SurfaceSampler};
 pub(crate) use sample::{pick_by_area, sample_triangle};
@@ -99,6 +101,8 @@ pub enum Shape {
     Torus(Torus),
     /// A rectangle, or any parallelogram.
     Rectangle(Parallelogram),
+    /// A part of a cylinder, cone or disk.
+    Partial(Partial),
 }
 
 /// Makes one call on the value of any variant.
@@ -114,6 +118,7 @@ macro_rules! each {
             Shape::Cone($s) => $call,
             Shape::Torus($s) => $call,
             Shape::Rectangle($s) => $call,
+            Shape::Partial($s) => $call,
         }
     };
 }
@@ -164,6 +169,7 @@ impl Shape {
             Shape::Cone(s) => s.surface_differential(surface, hit),
             Shape::Torus(s) => s.surface_differential(surface),
             Shape::Rectangle(s) => s.surface_differential(),
+            Shape::Partial(s) => s.surface_differential(surface, hit),
         }
     }
 
@@ -179,6 +185,7 @@ impl Shape {
             Shape::Cone(s) => Some(s.bounds()),
             Shape::Torus(s) => Some(s.bounds()),
             Shape::Rectangle(s) => Some(s.bounds()),
+            Shape::Partial(s) => Some(s.bounds()),
         }
     }
 
@@ -200,6 +207,7 @@ impl Shape {
             // Swapped edges would turn its image.
             Shape::Rectangle(_) if solve::mirrors(t) => return None,
             Shape::Rectangle(s) => Shape::Rectangle(s.transformed(t)),
+            Shape::Partial(s) => Shape::Partial(s.transformed(t)?),
         };
         moved.check().is_ok().then_some(moved)
     }
@@ -217,6 +225,12 @@ impl Shape {
                 [Some(base), Some(top), None]
             }
             Shape::Rectangle(Parallelogram { corner, .. }) => [Some(corner), None, None],
+            Shape::Partial(Partial { whole, .. }) => match whole {
+                Round::Cylinder(Cylinder { base, top, .. }) | Round::Cone(Cone { base, top, .. }) => {
+                    [Some(base), Some(top), None]
+                }
+                Round::Disk(Disk { center, .. }) => [Some(center), None, None],
+            },
         };
         for (i, point) in points.into_iter().flatten().enumerate() {
             *point = f(i, *point);
@@ -254,6 +268,7 @@ impl Shape {
                 let axis = top.as_dvec3() - base.as_dvec3();
                 framed(axis, t.vector(axis))
             }
+            Shape::Partial(s) => framed(s.whole.axis(), t.vector(s.whole.axis())),
             Shape::Torus(s) => framed(s.axis.as_dvec3(), t.vector(s.axis.as_dvec3())),
         }
     }
@@ -286,6 +301,7 @@ impl Shape {
             Shape::Cone(_) => "cone",
             Shape::Torus(_) => "torus",
             Shape::Rectangle(_) => "rectangle",
+            Shape::Partial(s) => s.kind(),
         }
     }
 
@@ -299,7 +315,7 @@ impl Shape {
         match self {
             Shape::Sphere(_) | Shape::Box(_) | Shape::Torus(_) => true,
             Shape::Cylinder(Cylinder { caps, .. }) | Shape::Cone(Cone { caps, .. }) => *caps,
-            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) | Shape::Rectangle(_) => false,
+            Shape::Triangle(_) | Shape::Plane(_) | Shape::Disk(_) | Shape::Rectangle(_) | Shape::Partial(_) => false,
         }
     }
 }

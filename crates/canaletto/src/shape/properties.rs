@@ -333,6 +333,13 @@ fn scaled(shape: &Shape, f: f32) -> Shape {
         }
         Shape::Torus(s) => (s.center, s.radius, s.tube) = (s.center * f, s.radius * f, s.tube * f),
         Shape::Rectangle(s) => (s.corner, s.u, s.v) = (s.corner * f, s.u * f, s.v * f),
+        Shape::Partial(s) => match &mut s.whole {
+            Round::Cylinder(s) => (s.base, s.top, s.radius) = (s.base * f, s.top * f, s.radius * f),
+            Round::Cone(s) => {
+                (s.base, s.top, s.radius, s.top_radius) = (s.base * f, s.top * f, s.radius * f, s.top_radius * f)
+            }
+            Round::Disk(s) => (s.center, s.radius) = (s.center * f, s.radius * f),
+        },
     }
     shape
 }
@@ -355,7 +362,7 @@ fn a_moved_shape_is_hit_as_by_the_ray_moved_back() {
         };
         // What keeps its image by another way becomes an instance.
         let Some(there) = shape.transformed(&t) else {
-            assert!(matches!(shape, Shape::Rectangle(_)), "{shape:?}");
+            assert!(matches!(shape, Shape::Rectangle(_) | Shape::Partial(_)), "{shape:?}");
             return None;
         };
         let ray_there =
@@ -449,6 +456,7 @@ fn every_number_of_every_shape_is_checked() {
                 Shape::Rectangle(s) => {
                     vec![vector("corner", &mut s.corner), vector("u", &mut s.u), vector("v", &mut s.v)]
                 }
+                Shape::Partial(s) => vec![number("start-angle", &mut s.start), number("angle", &mut s.angle)],
                 Shape::Torus(s) => vec![
                     vector("center", &mut s.center),
                     vector("axis", &mut s.axis),

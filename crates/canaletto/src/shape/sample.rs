@@ -1,7 +1,8 @@
 //! Areas of surfaces, and random points on them: uniform over the area, or as seen from a point.
 
 use super::{
-    Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Shape, Sphere, Surface, Torus, Triangle, solve, triangle,
+    Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Partial, Shape, Sphere, Surface, Torus, Triangle, solve,
+    triangle,
 };
 use crate::math::warp;
 use glam::{DVec3, Vec3};
@@ -60,6 +61,8 @@ pub(super) struct FrustumForm {
     axis: DVec3,
     across: [DVec3; 2],
     radii: [f64; 2],
+    /// The angle around the axis at which the surface begins, and that which it covers.
+    turn: [f64; 2],
     /// The growth of the radius per unit of height.
     slope: f64,
     /// The cumulative sums of the areas of side, base and top.
@@ -102,6 +105,7 @@ impl Shape {
             }
             Shape::Torus(s) => Some(SurfaceSampler::torus(s)),
             Shape::Rectangle(s) => Some(s.sampler()),
+            Shape::Partial(s) => Some(SurfaceSampler::partial(s)),
         }
     }
 }
@@ -205,8 +209,28 @@ impl SurfaceSampler {
         let side = PI * (radii[0] + radii[1]) * slant;
         let (sums, across) = ([side, side + base, side + base + top], axis.any_orthonormal_pair().into());
         let slope = (radii[1] - radii[0]) / height;
-        let form = Form::Frustum(Box::new(FrustumForm { ends, axis, across, radii, slope, sums }));
+        let form = Form::Frustum(Box::new(FrustumForm { ends, axis, across, radii, turn: [0.0, TAU], slope, sums }));
         SurfaceSampler { form, area: sums[2] }
+    }
+
+    fn partial(partial: &Partial) -> SurfaceSampler {
+        let frame = partial.whole.frame();
+        let [(base, r0), (top, r1)] = partial.whole.ends();
+        let (share, height) = (partial.share(), base.distance(top));
+        let slant = (height * height + (r1 - r0) * (r1 - r0)).sqrt();
+        let area = share * PI * (r0 + r1) * slant;
+        // The base and the top of a disk are its centre and its rim. All of its area is that of the top.
+        let (sums, slope) = if partial.is_flat() { ([0.0, 0.0, area], 0.0) } else { ([area; 3], (r1 - r0) / height) };
+        let form = FrustumForm {
+            ends: [base, top],
+            axis: frame.y,
+            across: [frame.z, frame.x],
+            radii: [r0, r1],
+            turn: [TAU * (partial.u(0.0) - 0.5), TAU * share],
+            slope,
+            sums,
+        };
+        SurfaceSampler { form: Form::Frustum(Box::new(form)), area }
     }
 
     fn torus(torus: &Torus) -> SurfaceSampler {
@@ -309,6 +333,7 @@ impl SurfaceSampler {
                 let cosines = corners.iter().filter_map(|triangle| edges(triangle).try_normalize());
                 (axis, cosines.map(|normal| normal.dot(axis)).fold(1.0, f64::min))
             }
+            Form::Frustum(form) if form.sums[1] == 0.0 => (form.axis, 1.0),
             Form::Sphere(..) | Form::Box(..) | Form::Frustum(_) | Form::Torus(_) => (DVec3::Z, -1.0),
         }
     }
@@ -323,7 +348,7 @@ impl FrustumForm {
     fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         let ([x, y], [r0, r1]) = (self.across, self.radii);
         let (part, inside) = pick_by_area(u, &self.sums);
-        let (sin, cos) = libm::sincos(TAU * v);
+        let (sin, cos) = libm::sincos(self.turn[0] + self.turn[1] * v);
         let out = x * cos + y * sin;
         if part > 0 {
             let end = part - 1;

@@ -9,6 +9,7 @@ impl Shape {
     pub(crate) fn volume(&self) -> f64 {
         match self {
             _ if !self.is_closed() => 0.0,
+            Shape::Partial(_) => 0.0,
             Shape::Sphere(s) => 4.0 / 3.0 * PI * cube(s.radius),
             Shape::Box(b) => (b.max.as_dvec3() - b.min.as_dvec3()).element_product(),
             Shape::Torus(t) => 2.0 * PI * PI * f64::from(t.radius) * square(t.tube),
@@ -25,6 +26,7 @@ impl Shape {
     pub(crate) fn contains(&self, p: DVec3) -> bool {
         match self {
             _ if !self.is_closed() => false,
+            Shape::Partial(_) => false,
             Shape::Sphere(s) => p.distance(s.center.as_dvec3()) < f64::from(s.radius),
             Shape::Box(b) => p.cmpgt(b.min.as_dvec3()).all() && p.cmplt(b.max.as_dvec3()).all(),
             Shape::Torus(t) => {

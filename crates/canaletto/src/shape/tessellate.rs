@@ -5,7 +5,7 @@
 
 use super::cuts::{Allowed, Cuts, ViewCuts};
 use super::parallelogram::HALVES;
-use super::{Cone, Cuboid, Cylinder, Disk, Parallelogram, Plane, Shape, Sphere, Torus, Triangle, solve};
+use super::{Cone, Cuboid, Cylinder, Disk, Parallelogram, Partial, Plane, Shape, Sphere, Torus, Triangle, solve};
 use crate::math::Transform;
 use canaletto_bvh::Aabb;
 use glam::{DVec2, DVec3, Vec3};
@@ -147,6 +147,7 @@ impl Shape {
         match *self {
             Shape::Sphere(s) => Some(Shape::Sphere(Sphere { radius: larger(s.radius), ..s })),
             Shape::Disk(s) => Some(Shape::Disk(Disk { radius: larger(s.radius), ..s })),
+            Shape::Partial(s) => Some(Shape::Partial(s.with_radii(larger))),
             Shape::Cylinder(s) => Some(Shape::Cylinder(Cylinder { radius: larger(s.radius), ..s })),
             Shape::Cone(s) => {
                 let [radius, top_radius] = [s.radius, s.top_radius].map(larger);
@@ -187,6 +188,11 @@ impl Shape {
                 let columns = chords(s.radius.into(), tolerance);
                 of(columns, 0.0, columns)
             }
+            Shape::Partial(s) => {
+                let radius = s.whole.ends().map(|(_, radius)| radius).into_iter().fold(0.0, f64::max);
+                let columns = (chords(radius, tolerance) * s.share()).ceil().max(1.0);
+                of(columns, 0.0, if s.is_flat() { columns } else { 2.0 * columns })
+            }
             Shape::Cylinder(Cylinder { radius, .. }) => {
                 let columns = chords((*radius).into(), tolerance);
                 of(columns, 0.0, 2.0 * columns)
@@ -221,6 +227,7 @@ impl Shape {
             Shape::Rectangle(s) => Tessellation::rectangle(s),
             Shape::Plane(s) => Tessellation::plane(s, clip),
             Shape::Disk(s) => Tessellation::disk(s, columns),
+            Shape::Partial(s) => Tessellation::partial(s, columns),
             Shape::Cylinder(Cylinder { base, top, radius, caps }) => {
                 Tessellation::frustum(&FrustumFrame::new([*base, *top], [*radius; 2]), *caps, columns)
             }
@@ -528,6 +535,35 @@ impl Tessellation {
                 (0..columns.len())
                     .map(|i| if top { [center, rim[i], rim[i + 1]] } else { [center, rim[i + 1], rim[i]] }),
             );
+        }
+        tessellation
+    }
+
+    /// A part of a round shape as columns between its ends.
+    fn partial(partial: &Partial, columns: &Cuts) -> Tessellation {
+        let frame = partial.whole.frame();
+        let [base, top] = partial.whole.ends();
+        let mut tessellation = Tessellation::default();
+        let slope = (top.1 - base.1) / base.0.distance(top.0);
+        for (v, (center, radius)) in [(0.0, top), (1.0, base)] {
+            for i in 0..=columns.len() {
+                let out = partial.out(&frame, columns.at(i));
+                let (normal, uv) = if partial.is_flat() {
+                    let square = DVec2::new(out.dot(frame.x), out.dot(frame.z)) * (0.5 * radius / top.1) + 0.5;
+                    (frame.y, square)
+                } else {
+                    ((out - frame.y * slope).normalize(), DVec2::new(partial.u(columns.at(i)), v))
+                };
+                tessellation.add(center + out * radius, normal, uv, Place::Between);
+            }
+        }
+        let row = columns.len() as u32 + 1;
+        for i in 0..columns.len() as u32 {
+            let [a, b, c, d] = [i, i + 1, row + i, row + i + 1];
+            // A disk's rim is seen from its axis as the side's top is seen from outside, but the other way round.
+            let turned = |[p, q, r]: [u32; 3]| if partial.is_flat() { [p, r, q] } else { [p, q, r] };
+            tessellation.push(0, (top.1 > 0.0).then_some(turned([a, d, b])));
+            tessellation.push(0, (base.1 > 0.0).then_some(turned([a, c, d])));
         }
         tessellation
     }

@@ -35,7 +35,8 @@ fn triangles_stay_within_the_tolerance() {
             }
             assert!(farthest <= tolerance * (1.0 + 1e-9), "{shape:?}: {farthest} is more than {tolerance}");
             // Triangles aren't much smaller than needed.
-            let curved = !shape.is_polygonal() && !matches!(shape, Shape::Disk(_));
+            let flat = matches!(shape, Shape::Disk(_)) || matches!(shape, Shape::Partial(partial) if partial.is_flat());
+            let curved = !shape.is_polygonal() && !flat;
             assert!(!curved || tolerance > 0.01 || farthest > 0.2 * tolerance, "{shape:?}: only {farthest}");
         }
     }
@@ -81,6 +82,7 @@ fn vertices_are_points_of_the_surface_with_its_normal_and_uv() {
                     Shape::Sphere(_) => vertex.normal.y.abs() > 0.9,
                     Shape::Torus(torus) => torus.tube >= torus.radius,
                     Shape::Cone(_) => true,
+                    Shape::Partial(partial) => !partial.is_flat(),
                     _ => false,
                 };
                 let least = if pole { 0.8 } else { 0.99 };
@@ -126,7 +128,7 @@ fn counts_grow_as_the_tolerance_demands() {
         let growth = count(1e-3) / count(4e-3);
         let expected = match shape {
             Shape::Sphere(_) | Shape::Torus(_) => 4.0,
-            Shape::Cylinder(_) | Shape::Cone(_) | Shape::Disk(_) => 2.0,
+            Shape::Cylinder(_) | Shape::Cone(_) | Shape::Disk(_) | Shape::Partial(_) => 2.0,
             Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) => 1.0,
         };
         assert!((growth / expected - 1.0).abs() < 0.15, "{shape:?}: {growth} instead of {expected}");

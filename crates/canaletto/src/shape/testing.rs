@@ -2,6 +2,7 @@
 
 use super::*;
 use glam::Vec3;
+use std::f64::consts::TAU;
 
 /// Pseudo-random numbers, equal in every run (SplitMix64).
 pub(crate) struct Random(pub(crate) u64);
@@ -69,7 +70,7 @@ pub(super) fn closed(random: &mut Random, at: Vec3, size: f32) -> [Shape; 6] {
     ]
 }
 
-/// Open shapes of each kind; triangles and rectangles take turns.
+/// Open shapes of each kind; triangles and rectangles take turns, and so do whole round shapes and parts of them.
 pub(super) fn open(random: &mut Random, at: Vec3, size: f32) -> [Shape; 5] {
     let r = |random: &mut Random| random.within(0.2, 1.0) * size;
     let (base, top) = (at + random.vector() * size, at);
@@ -81,10 +82,23 @@ pub(super) fn open(random: &mut Random, at: Vec3, size: f32) -> [Shape; 5] {
             Shape::Rectangle(Parallelogram { corner: a, u: b - a, v: c - a })
         },
         Shape::Plane(Plane { point: at, normal: random.vector() }),
-        Shape::Disk(Disk { center: at, normal: random.vector(), radius: r(random) }),
-        Shape::Cylinder(Cylinder { base, top, radius: r(random), caps: false }),
-        Shape::Cone(Cone { base, top, radius: r(random), top_radius: r(random), caps: false }),
+        part_or_whole(Round::Disk(Disk { center: at, normal: random.vector(), radius: r(random) })),
+        part_or_whole(Round::Cylinder(Cylinder { base, top, radius: r(random), caps: false })),
+        part_or_whole(Round::Cone(Cone { base, top, radius: r(random), top_radius: r(random), caps: false })),
     ]
+}
+
+/// A round shape or a part of it, as its radius tells.
+fn part_or_whole(whole: Round) -> Shape {
+    let [_, (_, radius)] = whole.ends();
+    let bits = (radius as f32).to_bits();
+    let (start, angle) = ((bits >> 3 & 0xff) as f32 * 1.4, 10.0 + (bits >> 8 & 0xff) as f32 * 1.3);
+    match whole {
+        _ if bits & 1 == 0 => Shape::Partial(Partial { whole, start, angle }),
+        Round::Cylinder(s) => Shape::Cylinder(s),
+        Round::Cone(s) => Shape::Cone(s),
+        Round::Disk(s) => Shape::Disk(s),
+    }
 }
 
 /// Closed and open shapes of each kind.
@@ -116,6 +130,28 @@ pub(super) fn distance(shape: &Shape, p: DVec3) -> f64 {
         Shape::Box(s) => (s.min.as_dvec3() - p).max(p - s.max.as_dvec3()).max_element(),
         Shape::Triangle(s) => triangle([s.a, s.b, s.c]),
         Shape::Rectangle(s) => s.halves().map(triangle).into_iter().fold(f64::INFINITY, f64::min),
+        Shape::Partial(s) => {
+            let (frame, whole) = (
+                s.whole.frame(),
+                match s.whole {
+                    Round::Cylinder(s) => Shape::Cylinder(s),
+                    Round::Cone(s) => Shape::Cone(s),
+                    Round::Disk(s) => Shape::Disk(s),
+                },
+            );
+            let across = p - s.whole.ends()[0].0;
+            let across = across - frame.y * across.dot(frame.y);
+            // The angle from the start, by the angle between vectors.
+            let angle = |from: DVec3, to: DVec3| from.cross(to).dot(frame.y).atan2(from.dot(to)).rem_euclid(TAU);
+            let edges = [0.0, 1.0].map(|fraction| s.out(&frame, fraction));
+            let beyond = if angle(edges[0], across) <= f64::from(s.angle).to_radians() {
+                0.0
+            } else {
+                let from = |edge: DVec3| (across - edge * across.dot(edge).max(0.0)).length();
+                from(edges[0]).min(from(edges[1]))
+            };
+            distance(&whole, p).abs().max(beyond)
+        }
         Shape::Plane(s) => (p - s.point.as_dvec3()).dot(s.normal.as_dvec3().normalize()).abs(),
         Shape::Disk(s) => {
             let p = p - s.center.as_dvec3();

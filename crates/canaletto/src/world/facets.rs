@@ -127,6 +127,7 @@ impl World {
             let is_flat = |part: u32| match shape {
                 Shape::Box(_) | Shape::Triangle(_) | Shape::Rectangle(_) | Shape::Plane(_) | Shape::Disk(_) => true,
                 Shape::Cylinder(_) | Shape::Cone(_) => part != 0,
+                Shape::Partial(partial) => partial.is_flat(),
                 Shape::Sphere(_) | Shape::Torus(_) => false,
             };
             let from = facets.len();

@@ -217,7 +217,7 @@ const CYLINDER_POINTS: [&str; 6] = ["x1", "y1", "z1", "x2", "y2", "z2"];
 
 fn spheres_of_text(bytes: &[u8], settings: &CloudSettings) -> Read<SphereCloud> {
     let table = match xyz::read(bytes).transpose()? {
-        Some(xyz::Counted::Atoms(atoms)) => return spheres_of_atoms(bytes, atoms, settings),
+        Some(xyz::Counted::Atoms(atoms)) => return spheres_of_atoms(bytes, *atoms, settings),
         Some(xyz::Counted::Rows(from)) => text::read_from(bytes, from, &SPHERE_POINTS, settings)?,
         None => text::read(bytes, &SPHERE_POINTS, settings)?,
     };

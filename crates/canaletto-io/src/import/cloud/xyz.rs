@@ -43,7 +43,7 @@ struct Columns {
 /// The content of a text that starts with a count alone in its first line.
 pub(super) enum Counted {
     /// The atoms.
-    Atoms(Atoms),
+    Atoms(Box<Atoms>),
     /// Plain rows, which start at this offset.
     Rows(usize),
 }
@@ -61,7 +61,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<Result<Counted, ImportError>> {
     if plain.next().is_none_or(|line| numbers(&line)) && plain.count() as u64 + 1 == count {
         return Some(Ok(Counted::Rows(rows)));
     }
-    Some(atoms(count, &first, &remarks, lines).map(Counted::Atoms))
+    Some(atoms(count, &first, &remarks, lines).map(|atoms| Counted::Atoms(Box::new(atoms))))
 }
 
 fn atoms(count: u64, first: &Token<'_>, remarks: &Token<'_>, mut lines: Lines<'_>) -> Result<Atoms, ImportError> {

@@ -4,7 +4,9 @@ use super::lights::{CORNER, U, V};
 use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::text::reader::Fields;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, flag};
-use canaletto::shape::{Cone, Cuboid, Cylinder, Disk, Parallelogram, Plane, Shape, Sphere, Torus, Triangle};
+use canaletto::shape::{
+    Cone, Cuboid, Cylinder, Disk, Parallelogram, Partial, Plane, Round, Shape, Sphere, Torus, Triangle,
+};
 use glam::Vec3;
 
 const OBJECT: &[FieldSchema] = &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema];
@@ -63,10 +65,45 @@ pub(super) static PLANE: ObjectNode = shape(
     |f| Some(Shape::Plane(Plane { point: f.get(&PLANE_POINT)?, normal: f.get(&NORMAL)? })),
 );
 
+const ANGLE: Field<f32> =
+    Field::new("angle", "only a part of it, of this angle around its axis in degrees; without caps")
+        .or(|| WHOLE.to_string());
+const START_ANGLE: Field<f32> =
+    Field::new("start-angle", "where the part begins, in degrees from where u = 0 towards larger u")
+        .or(|| START.to_string());
+/// The fields of parts.
+const PART: &[FieldSchema] = &[ANGLE.schema, START_ANGLE.schema];
+/// A whole turn in degrees.
+const WHOLE: f32 = 360.0;
+/// The default start of a part.
+const START: f32 = 0.0;
+
+/// The shape, or the part of it that the node asks for.
+fn part(f: &Fields, whole: Round) -> Option<Shape> {
+    if f.has(&ANGLE) || f.has(&START_ANGLE) {
+        let (start, angle) = (f.get(&START_ANGLE).unwrap_or(START), f.get(&ANGLE).unwrap_or(WHOLE));
+        return Some(Shape::Partial(Partial { whole, start, angle }));
+    }
+    match whole {
+        Round::Cylinder(cylinder) => Some(Shape::Cylinder(cylinder)),
+        Round::Cone(cone) => Some(Shape::Cone(cone)),
+        Round::Disk(disk) => Some(Shape::Disk(disk)),
+        _ => None,
+    }
+}
+
+/// Whether the ends are closed; those of parts are open.
+fn caps(f: &Fields) -> bool {
+    f.get(&CAPS).unwrap_or(DEFAULT_CAPS && !f.has(&ANGLE) && !f.has(&START_ANGLE))
+}
+
 pub(super) static DISK: ObjectNode = shape(
-    NodeSchema::new("disk", "A flat disk.", &[&[CENTER.schema, NORMAL.schema, RADIUS.schema], OBJECT])
+    NodeSchema::new("disk", "A flat disk.", &[&[CENTER.schema, NORMAL.schema, RADIUS.schema], PART, OBJECT])
         .example("disk { center 0 0 0; normal 0 1 0; radius 3 }"),
-    |f| Some(Shape::Disk(Disk { center: f.get(&CENTER)?, normal: f.get(&NORMAL)?, radius: f.get(&RADIUS)? })),
+    |f| {
+        let disk = Disk { center: f.get(&CENTER)?, normal: f.get(&NORMAL)?, radius: f.get(&RADIUS)? };
+        part(f, Round::Disk(disk))
+    },
 );
 
 pub(super) static RECTANGLE: ObjectNode = shape(
@@ -82,16 +119,17 @@ pub(super) static CYLINDER: ObjectNode = shape(
     NodeSchema::new(
         "cylinder",
         "A cylinder between two points.",
-        &[&[CYLINDER_BASE.schema, CYLINDER_TOP.schema, RADIUS.schema, CAPS.schema], OBJECT],
+        &[&[CYLINDER_BASE.schema, CYLINDER_TOP.schema, RADIUS.schema, CAPS.schema], PART, OBJECT],
     )
     .example("cylinder { base 0 0 0; top 0 10 0; radius 2; caps #false }"),
     |f| {
-        Some(Shape::Cylinder(Cylinder {
+        let cylinder = Cylinder {
             base: f.get(&CYLINDER_BASE)?,
             top: f.get(&CYLINDER_TOP)?,
             radius: f.get(&RADIUS)?,
-            caps: f.get(&CAPS).unwrap_or(DEFAULT_CAPS),
-        }))
+            caps: caps(f),
+        };
+        part(f, Round::Cylinder(cylinder))
     },
 );
 
@@ -106,17 +144,18 @@ pub(super) static CONE: ObjectNode = shape(
     NodeSchema::new(
         "cone",
         "A cone, or a truncated one.",
-        &[&[CONE_BASE.schema, CONE_TOP.schema, CONE_RADIUS.schema, TOP_RADIUS.schema, CAPS.schema], OBJECT],
+        &[&[CONE_BASE.schema, CONE_TOP.schema, CONE_RADIUS.schema, TOP_RADIUS.schema, CAPS.schema], PART, OBJECT],
     )
     .example("cone { base 0 0 0; top 0 5 0; radius 2; top-radius 0.5 }"),
     |f| {
-        Some(Shape::Cone(Cone {
+        let cone = Cone {
             base: f.get(&CONE_BASE)?,
             top: f.get(&CONE_TOP)?,
             radius: f.get(&CONE_RADIUS)?,
             top_radius: f.get(&TOP_RADIUS).unwrap_or(DEFAULT_TOP_RADIUS),
-            caps: f.get(&CAPS).unwrap_or(DEFAULT_CAPS),
-        }))
+            caps: caps(f),
+        };
+        part(f, Round::Cone(cone))
     },
 );
 
