@@ -31,7 +31,7 @@ fn floor(node: Node, integrator: impl Into<Integrator>, samples: u32) -> f64 {
     let lamp = Phong { kd: Rgb::BLACK, emission: Rgb::gray(5.0), ..Phong::default() };
     let spot = Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 0.01 });
     let scene = Scene {
-        materials: vec![white, Material::new("lamp", lamp.clone()), Material::new("lamp 2", lamp).with_two_sided(true)],
+        materials: vec![white, Material::new("lamp", lamp), Material::new("lamp 2", lamp).with_two_sided(true)],
         nodes: vec![Node::from(spot).with_material(0), node],
         ..Scene::default()
     };
@@ -111,7 +111,7 @@ fn a_rectangle_is_seen_as_a_mesh_with_its_corners() {
                 let material = Material::new("m", Phong::default());
                 let node = Node::new(content).with_material(0).with_transform(&transform);
                 let scene = Scene { materials: vec![material], meshes, nodes: vec![node], ..Scene::default() };
-                let mut job = job([60, 45], 40.0, DVec3::new(0.5, 0.7, 4.0), integrator.clone(), 1);
+                let mut job = job([60, 45], 40.0, DVec3::new(0.5, 0.7, 4.0), integrator, 1);
                 job.aovs = vec![Aov::Depth, Aov::Normal, Aov::Position, Aov::Uv, Aov::ObjectId];
                 render(&World::build(scene).unwrap(), &job, &()).unwrap().picture
             };
@@ -249,7 +249,7 @@ fn parts_make_the_whole() {
                     let node = |shape: &Shape| Node::from(*shape).with_material(0).with_transform(&transform);
                     let nodes = shapes.iter().map(node).collect();
                     let scene = Scene { materials: vec![material], nodes, ..Scene::default() };
-                    let mut job = job([60, 45], 40.0, DVec3::new(0.5, 0.7, 4.0), integrator.clone(), 1);
+                    let mut job = job([60, 45], 40.0, DVec3::new(0.5, 0.7, 4.0), integrator, 1);
                     job.aovs = vec![Aov::Depth, Aov::Normal, Aov::Position, Aov::Uv];
                     render(&World::build(scene).unwrap(), &job, &()).unwrap().picture
                 };
