@@ -337,7 +337,7 @@ fn threads_and_tiles_change_no_byte() {
     let bytes = |name: &str| fs::read(folder.path(name)).unwrap();
     let pairs: Vec<String> =
         folder.names().into_iter().filter_map(|name| name.strip_prefix("a.").map(str::to_owned)).collect();
-    assert_eq!(pairs.len(), 18);
+    assert_eq!(pairs.len(), 19);
     for name in pairs {
         assert!(bytes(&format!("a.{name}")) == bytes(&format!("b.{name}")), "{name}");
     }
