@@ -375,6 +375,7 @@ const ROUND: &str = r#"
     cylinder name="tube" material="a" { base -1.5 0 0; top -1.4 2 0.1; radius 0.5; caps #true }
     cone name="cone" material="a" { base 1.5 0 0; top 1.5 2 0.2; radius 0.8; top-radius 0.2 }
     torus name="ring" material="a" { center 0 1 0; axis 0.1 1 0.2; radius 0.6; tube 0.2 }
+    rectangle name="sheet" material="a" { corner 3 0 0; u 1 0 0; v 0 1 0 }
     light "omni" { position 3 5 3; intensity 1 1 1 }
 "#;
 
@@ -459,7 +460,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 46] = [
+const EXPLAINED: [&str; 47] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -494,6 +495,7 @@ const EXPLAINED: [&str; 46] = [
     "field.kdl --ray 0,3,6,0,-3,-3 --steps",
     "round.kdl --ray -1.5,5,0.1,0.03,-2,0.02 --steps",
     "round.kdl --ray 0.1,4.1,5,0.05,-0.6,-1 --steps",
+    "round.kdl --ray 3.25,0.5,5,0,0,-1 --steps",
     "field.kdl --ray 0,3,6,0,-3,-3 --diff-seed 3 --diff-frame 2",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
