@@ -94,6 +94,7 @@ fn frames_look_as_they_did_when_people_looked_at_them() {
             rate: Rate::new(script.timeline().fps),
             frames: last - first + 1,
             transfer: film.transfer,
+            alpha: false,
             compression: Compression::Default,
             metadata: Vec::new(),
         };

@@ -29,7 +29,7 @@ pub(crate) fn texts(settings: &[(String, String)], job: &Job, layer: Option<Aov>
 pub(crate) fn is_complete(file: &Path, job: &Job, output: &Output, texts: &[(String, String)]) -> bool {
     let [_, _, width, height] = job.window();
     let Some(format) = output.format.picture() else { return false };
-    let mut names = channel_names(if output.format.has_layers() { &job.aovs } else { &[] });
+    let mut names = channel_names(job.film.alpha, if output.format.has_layers() { &job.aovs } else { &[] });
     // A file much larger than these pixels is something else and isn't read.
     let most = u64::from(width) * u64::from(height) * names.len() as u64 * 8 + (1 << 20);
     let bytes = fs::metadata(file).ok().filter(|m| m.is_file() && m.len() <= most).and_then(|_| fs::read(file).ok());

@@ -137,6 +137,13 @@ pub(crate) fn with_layers(job: &Job) -> Job {
     job
 }
 
+/// Takes away the light that denoising spreads to where nothing is, by alpha. Without alpha nothing changes.
+pub(crate) fn blacken_uncovered(colors: &mut [Rgb], alpha: &[f32]) {
+    for (color, _) in colors.iter_mut().zip(alpha).filter(|(_, alpha)| **alpha == 0.0) {
+        *color = Rgb::BLACK;
+    }
+}
+
 /// A rendered picture with the layers that it has.
 pub(crate) fn of_rendering(picture: &Picture) -> NoisyPicture {
     let layer = |name: &str| picture.layer(name).map(|layer| layer.data.as_slice());

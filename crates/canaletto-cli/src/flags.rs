@@ -113,6 +113,15 @@ pub(crate) enum BuildFlag {
     High,
 }
 
+/// The background of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackgroundFlag {
+    /// Transparent
+    None,
+    /// That of the scene
+    Scene,
+}
+
 /// Which picture of the scene. What isn't given is as the scene says.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct PictureFlags {
@@ -175,6 +184,13 @@ pub(crate) struct PictureFlags {
     /// Renders without shadows
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
+
+    /// Shows the background of the scene, or none: a transparent one [default: the scene's film]
+    ///
+    /// Without a background a PNG, APNG or EXR has an alpha. What the camera sees straight on is left out, also through
+    /// holes, media and panes that don't bend it. Reflections and light of the background stay.
+    #[arg(long, value_name = "WHICH", help_heading = "Colour")]
+    pub background: Option<BackgroundFlag>,
 
     /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture, as paths do by default.
     /// EXR files keep their light

@@ -197,6 +197,7 @@ impl<'a> FrameWriter<'a> {
                     rate: self.plan.rate,
                     frames: self.plan.frames.count() as u32,
                     transfer: job.film.transfer,
+                    alpha: job.film.alpha,
                     compression: output.settings.compression,
                     metadata,
                 };

@@ -5,7 +5,7 @@ use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{Developing, Transfer};
 use canaletto::{Aabb, Named};
-use canaletto_io::picture::Image;
+use canaletto_io::picture::{Channel, Image};
 
 /// The mappings, for the help.
 pub(crate) const MAPPINGS: &str = "\
@@ -39,7 +39,7 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing
         }
         Aov::DenoisingAlbedo => {
             let pixels = triples(layer).collect();
-            let albedo = Picture { width: picture.width, height: picture.height, pixels, layers: Vec::new() };
+            let albedo = Picture { pixels, ..Picture::new(picture.width, picture.height) };
             let plain = Developing { transfer: developing.transfer, ..Developing::default() };
             return (rgb_image(picture, &develop(&albedo, &plain)), plain.transfer);
         }
@@ -56,9 +56,13 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing
     (rgb_image(picture, &pixels), Transfer::None)
 }
 
-/// The picture as display values, the top row first.
+/// The picture as display values, the top row first, with its alpha.
 pub(crate) fn developed(picture: &Picture, developing: &Developing) -> Image {
-    rgb_image(picture, &develop(picture, developing))
+    let mut image = rgb_image(picture, &develop(picture, developing));
+    if !picture.alpha.is_empty() {
+        image.channels.push(Channel::new("A", picture.alpha.clone()));
+    }
+    image
 }
 
 fn rgb_image(picture: &Picture, pixels: &[Rgb]) -> Image {
@@ -153,7 +157,7 @@ mod tests {
         let names: Vec<String> =
             Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();
         assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 7 * 3 + 1 + 1 + 1 + 3 + 3 + 3 + 1);
-        assert_eq!(names, channel_names(&job.aovs));
+        assert_eq!(names, channel_names(false, &job.aovs));
         for layer in &picture.layers {
             let (image, _) = to_image(layer, &picture, &job.developing(), &world.bounds());
             assert!(image.channels.iter().all(|c| c.data.iter().all(|v| (0.0..=1.0).contains(v))), "{}", layer.name);

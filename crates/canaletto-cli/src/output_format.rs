@@ -78,6 +78,14 @@ impl Format {
         self.capabilities().is_some_and(|can| can.layers)
     }
 
+    /// Whether a picture can have an alpha.
+    pub(crate) fn has_alpha(self) -> bool {
+        match self {
+            Format::Picture(_) => self.capabilities().is_some_and(|can| can.alpha),
+            Format::Movie(format) => format.has_alpha(),
+        }
+    }
+
     /// Whether ids of objects and materials can be whole numbers.
     pub(crate) fn has_whole_ids(self) -> bool {
         self.capabilities().is_some_and(|can| can.whole_ids)

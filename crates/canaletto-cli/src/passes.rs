@@ -9,6 +9,7 @@ use crate::interrupt;
 use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
+use crate::settings::ALPHA;
 use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
@@ -151,7 +152,7 @@ impl PassFlags {
 const SCENE_DIGEST: &str = "scene-digest";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 16] = [
+const TELLING: [&str; 17] = [
     "Software",
     "size",
     "crop",
@@ -162,6 +163,7 @@ const TELLING: [&str; 16] = [
     "integrator",
     "max-depth",
     "roulette",
+    ALPHA,
     "sampler",
     "filter",
     "clamp",

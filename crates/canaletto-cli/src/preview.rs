@@ -96,7 +96,9 @@ pub(crate) fn enlarged(picture: &Picture, [width, height]: [u32; 2]) -> Picture 
     for (y, row) in rows.enumerate() {
         let from = nearest(y as u32, picture.height, height);
         for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = picture.pixel(nearest(x as u32, picture.width, width), from);
+            let from = [nearest(x as u32, picture.width, width), from];
+            *pixel = picture.pixel(from[0], from[1]);
+            large.alpha.extend(picture.alpha.get(from[1] as usize * picture.width as usize + from[0] as usize));
         }
     }
     large

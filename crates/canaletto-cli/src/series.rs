@@ -2,7 +2,7 @@
 
 use crate::command::render::{Plan, RenderFlags};
 use crate::complete::{is_complete, texts};
-use crate::denoiser::{self, Denoiser, with_layers};
+use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
@@ -11,6 +11,7 @@ use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
 use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, shortfalls};
+use crate::output_format::Format;
 use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -199,6 +200,14 @@ impl<'a> Series<'a> {
     /// Evaluates the settings of a scene at its frame.
     fn frame_context(&self, source: Source) -> Result<FrameContext, Failure> {
         let mut settings = Settings::new(&source.name, &source.scene, &self.flags.picture)?;
+        let format = self.plan.output.format;
+        if settings.job.film.alpha && !format.has_alpha() {
+            let message = format!("{format} has no alpha, which a picture without a background needs");
+            let able = Format::short_names(Format::has_alpha);
+            return Err(
+                Failure::usage(message).help(format!("{able} have it; --background scene shows the background"))
+            );
+        }
         settings.job = self.flags.passes.apply(settings.job, self.flags.picture.samples)?;
         let mut texts = metadata(&self.flags.source, &settings);
         texts.extend(self.flags.passes.texts());
@@ -459,6 +468,7 @@ impl<'a> Series<'a> {
             eprint_line(&denoiser::told(&denoised, seconds));
         }
         rendering.picture.pixels = denoised.color;
+        blacken_uncovered(&mut rendering.picture.pixels, &rendering.picture.alpha);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::flags::{PictureFlags, SourceFlags};
+use crate::flags::{BackgroundFlag, PictureFlags, SourceFlags};
 use crate::format::count;
 use crate::told_developing::{EXPOSURE, TONE, TRANSFER};
 use canaletto::Named;
@@ -13,6 +13,9 @@ use canaletto::scene::{
 };
 use canaletto_io::picture::MAX_PIXELS;
 use canaletto_io::text::closest_word;
+
+/// The text entry of a picture without a background.
+pub(crate) const ALPHA: &str = "alpha";
 
 /// The job of a command, and the name of its camera.
 #[derive(Clone, Debug)]
@@ -46,6 +49,7 @@ impl Settings {
             exposure: flags.exposure.or(scene.film.exposure),
             tone: flags.tone.or(scene.film.tone),
             transfer: flags.transfer.unwrap_or(scene.film.transfer),
+            alpha: flags.background.map_or(scene.film.alpha, |which| which == BackgroundFlag::None),
             crop: flags.crop.or(own_crop),
             ..scene.film
         };
@@ -236,6 +240,9 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     let unset = FilmSettings { exposure: None, ..*film }.developing(integrator).exposure;
     if [developing.exposure, unset] != [Exposure::default(); 2] {
         texts.push((EXPOSURE, developing.exposure.to_string()));
+    }
+    if film.alpha {
+        texts.push((ALPHA, true.to_string()));
     }
     texts.extend(integrator.settings());
     texts.push(("seed", seed.to_string()));

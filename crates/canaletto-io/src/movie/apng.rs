@@ -18,6 +18,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
     summary: "A film as animated PNG, in full colour",
     recognises: is_png,
     compression: true,
+    alpha: true,
     needs_ffmpeg: false,
 };
 
@@ -25,6 +26,8 @@ pub(super) struct Apng {
     file: AtomicFile,
     writer: Writer<Box<dyn Write + Send>>,
     width: u32,
+    /// The bytes of a pixel.
+    pixel: usize,
 }
 
 impl Apng {
@@ -32,7 +35,7 @@ impl Apng {
         let file = AtomicFile::begin(path, options)?;
         // Chunks are written whole, so no buffer is needed and no error is lost.
         let mut encoder = Encoder::new(file.handle()?, settings.width, settings.height);
-        encoder.set_color(ColorType::Rgb);
+        encoder.set_color(if settings.alpha { ColorType::Rgba } else { ColorType::Rgb });
         encoder.set_depth(BitDepth::Eight);
         encoder.set_compression(settings.compression.of_frames());
         encoder.set_filter(Filter::Adaptive);
@@ -56,19 +59,19 @@ impl Apng {
         };
         begin().map_err(|e| wrong(&file, e))?;
         let writer = encoder.write_header().map_err(|e| wrong(&file, e))?;
-        Ok(Apng { file, writer, width: settings.width })
+        Ok(Apng { file, writer, width: settings.width, pixel: if settings.alpha { 4 } else { 3 } })
     }
 }
 
 impl Frames for Apng {
-    fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError> {
+    fn add(&mut self, index: u32, pixels: &[u8], area: Area) -> Result<(), MovieError> {
         let mut add = || {
             if index > 0 {
                 self.writer.reset_frame_position()?;
                 self.writer.set_frame_dimension(area.width, area.height)?;
                 self.writer.set_frame_position(area.left, area.top)?;
             }
-            self.writer.write_image_data(&area.cut(rgb, self.width))
+            self.writer.write_image_data(&area.cut(pixels, self.width, self.pixel))
         };
         add().map_err(|e| wrong(&self.file, e))
     }

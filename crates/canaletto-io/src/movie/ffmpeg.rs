@@ -20,6 +20,7 @@ pub(super) const MP4: FormatInfo = FormatInfo {
     summary: "A film as MP4 (H.264), made by the program ffmpeg",
     recognises: |start| start.get(4..8) == Some(b"ftyp"),
     compression: false,
+    alpha: false,
     needs_ffmpeg: true,
 };
 
@@ -30,6 +31,7 @@ pub(super) const WEBM: FormatInfo = FormatInfo {
     summary: "A film as WebM (VP9), made by the program ffmpeg",
     recognises: |start| start.starts_with(b"\x1a\x45\xdf\xa3"),
     compression: false,
+    alpha: false,
     needs_ffmpeg: true,
 };
 

@@ -15,6 +15,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
     summary: "A film as GIF, with 256 colours in each frame and at most 50 frames a second",
     recognises: |start| start.starts_with(b"GIF8"),
     compression: false,
+    alpha: false,
     needs_ffmpeg: false,
 };
 
@@ -51,7 +52,7 @@ impl Gif {
 
 impl Frames for Gif {
     fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError> {
-        let part = area.cut(rgb, self.width);
+        let part = area.cut(rgb, self.width, 3);
         let (colors, indices) = palette(&part);
         let mut frame = Frame::from_palette_pixels(area.width as u16, area.height as u16, indices, colors, None);
         (frame.left, frame.top) = (area.left as u16, area.top as u16);

@@ -1,7 +1,7 @@
 //! Films in one file: animated PNG, GIF, and formats that the program `ffmpeg` encodes (MP4, WebM).
 //!
 //! Frames are written as they arrive. The file gets its name after the last one. An unfinished film is removed unless
-//! [`Movie::finish_part`] is called. All formats have 8 bits and no alpha.
+//! [`Movie::finish_part`] is called. All formats have 8 bits.
 
 mod apng;
 mod ffmpeg;
@@ -50,6 +50,8 @@ struct FormatInfo {
     recognises: fn(&[u8]) -> bool,
     /// Whether the effort of compression can be chosen.
     compression: bool,
+    /// Whether frames can have alpha.
+    alpha: bool,
     /// Whether the program `ffmpeg` is needed.
     needs_ffmpeg: bool,
 }
@@ -90,6 +92,11 @@ impl MovieFormat {
         self.info().compression
     }
 
+    /// Whether frames can have alpha.
+    pub fn has_alpha(self) -> bool {
+        self.info().alpha
+    }
+
     /// Whether the program `ffmpeg` is needed.
     pub fn needs_ffmpeg(self) -> bool {
         self.info().needs_ffmpeg
@@ -113,6 +120,8 @@ pub struct MovieSettings {
     pub frames: u32,
     /// The encoding of the pixel values, as in a PNG.
     pub transfer: Transfer,
+    /// Whether frames have alpha, for animated PNG.
+    pub alpha: bool,
     /// The effort of compression, for animated PNG.
     pub compression: Compression,
     /// Texts as pairs of key and value, for formats that hold texts.
@@ -148,8 +157,9 @@ pub struct Movie {
 
 /// A writer of frames in a format.
 trait Frames {
-    /// Adds a frame: red, green and blue of each pixel. Only `area` differs from the frame before.
-    fn add(&mut self, index: u32, rgb: &[u8], area: Area) -> Result<(), MovieError>;
+    /// Adds a frame: red, green and blue of each pixel, and alpha, if the film has it. Only `area` differs from the frame
+    /// before.
+    fn add(&mut self, index: u32, pixels: &[u8], area: Area) -> Result<(), MovieError>;
     /// Ends the film after all frames, or ends a partial film, which goes to another path.
     fn finish(self: Box<Self>, part: Option<Part<'_>>) -> Result<(), MovieError>;
     /// The temporary path of the file, if it has one.
@@ -185,6 +195,9 @@ impl Movie {
         options: WriteOptions,
         settings: MovieSettings,
     ) -> Result<Movie, MovieError> {
+        if settings.alpha && !format.has_alpha() {
+            return Err(MovieError::Unfit(format!("{} has no alpha", format.name())));
+        }
         if settings.frames == 0 || settings.width == 0 || settings.height == 0 {
             return Err(MovieError::Unfit("a film needs at least one frame of at least one pixel".into()));
         }
@@ -213,12 +226,17 @@ impl Movie {
         if self.added == self.settings.frames {
             return Err(MovieError::Unfit(format!("the film has its {} frames already", self.added)));
         }
+        let alpha = image.channel("A").filter(|_| self.settings.alpha);
+        if self.settings.alpha && alpha.is_none() {
+            return Err(MovieError::Unfit("a frame of a film with alpha needs the channel A".into()));
+        }
         let level = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8; // NaN becomes 0
-        let rgb: Vec<u8> = r.iter().zip(g).zip(b).flat_map(|((r, g), b)| [level(*r), level(*g), level(*b)]).collect();
-        let area = changed(&self.last, &rgb, image.width, image.height);
-        self.writer.add(self.added, &rgb, area)?;
+        let channels: Vec<&[f32]> = [r, g, b].into_iter().chain(alpha).collect();
+        let pixels: Vec<u8> = (0..r.len()).flat_map(|i| channels.iter().map(move |c| level(c[i]))).collect();
+        let area = changed(&self.last, &pixels, [image.width, image.height], channels.len());
+        self.writer.add(self.added, &pixels, area)?;
         self.added += 1;
-        self.last = rgb;
+        self.last = pixels;
         Ok(())
     }
 
@@ -253,31 +271,31 @@ impl Movie {
 }
 
 /// The smallest rectangle outside of which two pictures are equal; a single pixel if they are equal everywhere.
-fn changed(old: &[u8], new: &[u8], width: u32, height: u32) -> Area {
+fn changed(old: &[u8], new: &[u8], [width, height]: [u32; 2], pixel: usize) -> Area {
     if old.len() != new.len() {
         return Area { left: 0, top: 0, width, height };
     }
-    let stride = width as usize * 3;
+    let stride = width as usize * pixel;
     let rows = || old.chunks_exact(stride).zip(new.chunks_exact(stride));
     let Some(top) = rows().position(|(a, b)| a != b) else { return Area { left: 0, top: 0, width: 1, height: 1 } };
     let bottom = height as usize - rows().rev().position(|(a, b)| a != b).unwrap_or(0);
     let (mut left, mut right) = (width as usize, 0);
     for (a, b) in rows().skip(top).take(bottom - top) {
         if let Some(first) = a.iter().zip(b).position(|(a, b)| a != b) {
-            left = left.min(first / 3);
+            left = left.min(first / pixel);
             let last = a.iter().zip(b).rposition(|(a, b)| a != b).unwrap_or(first);
-            right = right.max(last / 3 + 1);
+            right = right.max(last / pixel + 1);
         }
     }
     Area { left: left as u32, top: top as u32, width: (right - left) as u32, height: (bottom - top) as u32 }
 }
 
 impl Area {
-    /// The bytes of this rectangle of a picture that is `width` pixels wide.
-    fn cut(self, rgb: &[u8], width: u32) -> Vec<u8> {
-        let stride = width as usize * 3;
-        let (from, to) = (self.left as usize * 3, (self.left + self.width) as usize * 3);
-        let rows = rgb.chunks_exact(stride).skip(self.top as usize).take(self.height as usize);
+    /// The bytes of this rectangle of a picture that is `width` pixels of so many bytes wide.
+    fn cut(self, pixels: &[u8], width: u32, pixel: usize) -> Vec<u8> {
+        let stride = width as usize * pixel;
+        let (from, to) = (self.left as usize * pixel, (self.left + self.width) as usize * pixel);
+        let rows = pixels.chunks_exact(stride).skip(self.top as usize).take(self.height as usize);
         rows.flat_map(|row| &row[from..to]).copied().collect()
     }
 }

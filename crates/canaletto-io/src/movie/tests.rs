@@ -23,6 +23,7 @@ fn settings(fps: f64, frames: u32) -> MovieSettings {
         rate: Rate::new(fps),
         frames,
         transfer: Transfer::Srgb,
+        alpha: false,
         compression: Compression::Default,
         metadata,
     }
@@ -135,9 +136,9 @@ fn many_colours_become_256_near_ones() {
 #[test]
 fn the_part_that_changed() {
     let (a, b) = (bytes_of(&frame(0)), bytes_of(&frame(1)));
-    assert_eq!(changed(&[], &a, 20, 12), Area { left: 0, top: 0, width: 20, height: 12 });
-    assert_eq!(changed(&a, &a, 20, 12), Area { left: 0, top: 0, width: 1, height: 1 });
-    assert_eq!(changed(&a, &b, 20, 12), Area { left: 1, top: 4, width: 7, height: 5 });
+    assert_eq!(changed(&[], &a, [20, 12], 3), Area { left: 0, top: 0, width: 20, height: 12 });
+    assert_eq!(changed(&a, &a, [20, 12], 3), Area { left: 0, top: 0, width: 1, height: 1 });
+    assert_eq!(changed(&a, &b, [20, 12], 3), Area { left: 1, top: 4, width: 7, height: 5 });
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! The channels of a rendered picture in a file: red, green and blue in linear light, then those of its layers.
+//! The channels of a rendered picture in a file: red, green and blue in linear light, alpha if it has one, then those of
+//! its layers. Colours are multiplied by alpha, as OpenEXR asks.
 
 use super::{Channel, Image};
 use canaletto::Named;
@@ -10,6 +11,9 @@ impl Image {
     /// A rendered picture in linear light with all its layers.
     pub fn from_picture(picture: &Picture) -> Image {
         let mut image = Image::from_rgb(picture.width, picture.height, picture.pixels.iter().map(|c| c.to_array()));
+        if !picture.alpha.is_empty() {
+            image.channels.push(Channel::new("A", picture.alpha.clone()));
+        }
         for layer in &picture.layers {
             let count = layer.channels.len();
             image.channels.extend(layer.channels.iter().enumerate().map(|(index, channel)| Channel {
@@ -24,17 +28,23 @@ impl Image {
 
 /// The names of the channels of [`Image::from_picture`].
 pub(super) fn picture_channels(picture: &Picture) -> impl Iterator<Item = String> {
-    names(picture.layers.iter().map(|layer| (layer.name, layer.channels)))
+    names(!picture.alpha.is_empty(), picture.layers.iter().map(|layer| (layer.name, layer.channels)))
 }
 
 /// The names of the channels of a picture with these layers, in the order of [`Image::from_picture`].
-pub fn channel_names(aovs: &[Aov]) -> Vec<String> {
-    names(aovs.iter().map(|aov| (aov.name(), aov.channels()))).collect()
+pub fn channel_names(has_alpha: bool, aovs: &[Aov]) -> Vec<String> {
+    names(has_alpha, aovs.iter().map(|aov| (aov.name(), aov.channels()))).collect()
 }
 
-fn names<'a>(layers: impl Iterator<Item = (&'a str, &'a [&'a str])>) -> impl Iterator<Item = String> {
+/// The names of the channels of a layer.
+pub fn layer_channel_names(aov: Aov) -> impl Iterator<Item = String> {
+    aov.channels().iter().map(move |channel| channel_name(aov.name(), channel))
+}
+
+fn names<'a>(has_alpha: bool, layers: impl Iterator<Item = (&'a str, &'a [&'a str])>) -> impl Iterator<Item = String> {
     let layers = layers.flat_map(|(layer, channels)| channels.iter().map(move |channel| channel_name(layer, channel)));
-    ["R", "G", "B"].into_iter().map(str::to_owned).chain(layers)
+    let alpha = has_alpha.then_some("A");
+    ["R", "G", "B"].into_iter().chain(alpha).map(str::to_owned).chain(layers)
 }
 
 pub(super) fn channel_name(layer: &str, channel: &str) -> String {
@@ -47,6 +57,12 @@ pub(super) fn fill_channel(picture: &Picture, channel: usize, range: Range<usize
     let Some(mut left) = channel.checked_sub(3) else {
         return out.iter_mut().zip(&picture.pixels[range]).for_each(|(v, color)| *v = color.to_array()[channel]);
     };
+    if !picture.alpha.is_empty() {
+        match left.checked_sub(1) {
+            None => return out.copy_from_slice(&picture.alpha[range]),
+            Some(after) => left = after,
+        }
+    }
     for layer in &picture.layers {
         let count = layer.channels.len();
         if left < count {

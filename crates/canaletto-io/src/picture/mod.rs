@@ -21,7 +21,7 @@ mod write;
 
 pub use self::png::Compression;
 pub(crate) use self::png::png_texts;
-pub use channels::channel_names;
+pub use channels::{channel_names, layer_channel_names};
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use format::{Capabilities, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode};
@@ -35,6 +35,8 @@ pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
 use crate::diagnostic::word_list;
 use crate::image::ImageError;
+use canaletto::film::unpremultiplied;
+use canaletto::math::Rgb;
 use canaletto::scene::Transfer;
 
 /// The program name and version that pictures carry.
@@ -101,6 +103,26 @@ impl Image {
         for channel in &mut self.channels {
             if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
                 channel.data.iter_mut().for_each(|v| *v = f(*v));
+            }
+        }
+        self
+    }
+
+    /// The picture with its colours divided by its alpha, if it has one.
+    pub fn unpremultiplied(self) -> Image {
+        self.with_alpha(unpremultiplied)
+    }
+
+    /// The picture with its colours multiplied by its alpha, if it has one.
+    pub fn premultiplied(self) -> Image {
+        self.with_alpha(|color, alpha| color * alpha)
+    }
+
+    fn with_alpha(mut self, of: impl Fn(Rgb, f32) -> Rgb) -> Image {
+        let Some(alpha) = self.channel("A").map(<[f32]>::to_vec) else { return self };
+        for channel in &mut self.channels {
+            if ["R", "G", "B", "Y"].contains(&channel.name.as_str()) {
+                channel.data.iter_mut().zip(&alpha).for_each(|(v, alpha)| *v = of(Rgb::gray(*v), *alpha).r);
             }
         }
         self

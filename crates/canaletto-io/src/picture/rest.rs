@@ -59,7 +59,7 @@ impl RestDifference {
                 let alpha = image.channels.iter().find(|channel| channel.name == "A");
                 alpha.map_or_else(|| Cow::Owned(opaque(image)), Cow::Borrowed)
             });
-            rest.add(a.image.width, &alpha_a, &alpha_b);
+            rest.add(a.image.width, &stored_like(alpha_a, a, b), &stored_like(alpha_b, b, a));
         }
         // Only scene-referred files declare the position of a crop.
         let placed = !a.display_referred && !b.display_referred;
@@ -128,6 +128,15 @@ impl RestDifference {
             self.channels.push(found);
         }
     }
+}
+
+/// An alpha rounded to the levels of the other picture, if that one has display values and this one hasn't.
+fn stored_like<'a>(mut alpha: Cow<'a, Channel>, own: &Decoded, other: &Decoded) -> Cow<'a, Channel> {
+    if other.display_referred && !own.display_referred {
+        let steps = if other.bits > 8 { 65535.0 } else { 255.0 };
+        alpha.to_mut().data.iter_mut().for_each(|v| *v = (v.clamp(0.0, 1.0) * steps).round() / steps);
+    }
+    alpha
 }
 
 /// The channels other than the picture's own colours and alpha.

@@ -2,7 +2,7 @@
 
 use super::text_writer::TextWriter;
 use crate::Named;
-use crate::film::{Agx, Developer, PbrNeutral, Picture};
+use crate::film::{Agx, Developer, PbrNeutral, Picture, unpremultiplied};
 use crate::math::Rgb;
 use crate::scene::{Developing, Exposure, Tone, Transfer};
 use serde::Serialize;
@@ -14,6 +14,9 @@ pub struct DevelopedNode {
     /// The exposure in stops. None stands for `auto`, where it isn't metered.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f32>,
+    /// The share of the background that the pixel hides, if the background is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha: Option<f32>,
     /// How colours are brought into 0 to 1, as a word of the scene text.
     pub tone: &'static str,
     /// The curve between linear light and the numbers of the file, as a word of the scene text.
@@ -28,7 +31,10 @@ pub struct DevelopedNode {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DevelopedValues {
-    /// The linear light times 2 to the power of the exposure.
+    /// The linear light divided by alpha, if there is one: a PNG's colours aren't multiplied by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub straight: Option<Rgb>,
+    /// That light times 2 to the power of the exposure.
     pub exposed: Rgb,
     /// The numbers of the tone curve, if the tone is one.
     #[serde(flatten)]
@@ -39,6 +45,9 @@ pub struct DevelopedValues {
     pub displayed: Rgb,
     /// The bytes in a file of 8 bits, each the nearest to 255 times the value.
     pub bytes: [u8; 3],
+    /// The byte of alpha, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha_byte: Option<u8>,
 }
 
 /// A colour on its way through a tone curve.
@@ -53,9 +62,11 @@ pub enum ToneCurve {
 }
 
 impl DevelopedNode {
-    pub(super) fn new(color: Rgb, developing: &Developing) -> DevelopedNode {
+    pub(super) fn new(color: Rgb, alpha: Option<f32>, developing: &Developing) -> DevelopedNode {
         let Developing { exposure, tone, transfer } = *developing;
         let stops = if let Exposure::Stops(stops) = exposure { Some(stops) } else { None };
+        let straight = alpha.map(|alpha| unpremultiplied(color, alpha));
+        let color = straight.unwrap_or(color);
         let values = stops.filter(|_| tone != Tone::Scale).map(|stops| {
             let developer = |transfer| Developer::new(&Picture::new(1, 1), &Developing { transfer, ..*developing });
             let displayed_by = |transfer| {
@@ -71,9 +82,12 @@ impl DevelopedNode {
             };
             let displayed = displayed_by(transfer);
             // Halves are rounded up, as in PNG files.
-            let bytes = displayed.map(|v| (f64::from(v * 255.0) + 0.5) as u8);
+            let byte = |v: f32| (f64::from(v * 255.0) + 0.5) as u8;
+            let bytes = displayed.map(byte);
             let exposed = if curve.is_some() { exposed } else { color * libm::exp2f(stops) };
             DevelopedValues {
+                straight,
+                alpha_byte: alpha.map(|alpha| byte(alpha.clamp(0.0, 1.0))),
                 exposed,
                 curve,
                 toned: displayed_by(Transfer::None).into(),
@@ -81,7 +95,7 @@ impl DevelopedNode {
                 bytes,
             }
         });
-        DevelopedNode { exposure: stops, tone: tone.name(), transfer: transfer.name(), values }
+        DevelopedNode { alpha, exposure: stops, tone: tone.name(), transfer: transfer.name(), values }
     }
 
     /// Why the values aren't known, as the words and the end of a sentence.
@@ -98,7 +112,13 @@ impl DevelopedNode {
     }
 
     pub(super) fn write(&self, w: &mut TextWriter, linear: Rgb) {
-        let DevelopedNode { exposure, tone, transfer, values } = self;
+        let DevelopedNode { alpha, exposure, tone, transfer, values } = self;
+        let mut linear = linear;
+        if let (Some(alpha), Some(straight)) = (alpha, values.and_then(|values| values.straight)) {
+            writeln!(w, "alpha, the share of the background that is hidden: {}", w.number(*alpha));
+            writeln!(w, "colour divided by alpha: {}", w.rgb(straight));
+            linear = straight;
+        }
         if let (Some(stops), Some(values)) = (exposure.filter(|stops| *stops != 0.0), values) {
             let (stops, factor) = (w.number(stops), w.number(libm::exp2f(stops)));
             writeln!(w, "exposure of {stops} stops, times {factor}: {}", w.rgb(values.exposed));
@@ -141,6 +161,7 @@ impl DevelopedNode {
         }
         writeln!(w, "transfer \"{transfer}\": {}", w.rgb(values.displayed));
         let [r, g, b] = values.bytes;
-        writeln!(w, "bytes in the file {r} {g} {b}  (#{r:02x}{g:02x}{b:02x})");
+        let alpha = values.alpha_byte.map_or_else(String::new, |byte| format!(", alpha {byte}"));
+        writeln!(w, "bytes in the file {r} {g} {b}  (#{r:02x}{g:02x}{b:02x}){alpha}");
     }
 }

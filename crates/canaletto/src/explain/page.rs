@@ -53,6 +53,10 @@ impl PixelTree {
         page.colored_row(&format!("rendered pixel ({is_equal})"), "", &page.rgb(self.color), self.color);
         let developed = &self.developed;
         if let Some(values) = &developed.values {
+            if let (Some(alpha), Some(straight)) = (developed.alpha, values.straight) {
+                page.row("alpha, the share of the background that is hidden", "", &page.number(alpha));
+                page.colored_row("colour divided by alpha", "", &page.rgb(straight), straight);
+            }
             if let Some(stops) = developed.exposure.filter(|stops| *stops != 0.0) {
                 let name = format!("exposure of {} stops", page.number(stops));
                 page.colored_row(&name, "", &page.rgb(values.exposed), values.exposed);

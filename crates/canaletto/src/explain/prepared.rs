@@ -16,7 +16,7 @@ use crate::integrator::{
     Cancelled, PreparedRadiosity, Probe, RayIntegrator, Transport, Whitted, Zbuffer, ZbufferExplainer, zbuffer_spacing,
 };
 use crate::job::{Job, JobError, Observer};
-use crate::math::DRay;
+use crate::math::{DRay, saturate};
 use crate::render::PixelRenderer;
 use crate::sampler::FrameSampler;
 use crate::scene::{Integrator, WhittedSettings};
@@ -88,11 +88,15 @@ impl<'w> PreparedExplainer<'w> {
 
     /// The integrator that traces the job's rays; none for a rasteriser.
     fn ray_integrator(&self) -> Option<Whitted<'_>> {
-        match &self.prepared {
-            Prepared::Whitted(settings) => Some(Whitted::new(self.world, *settings)),
-            Prepared::Radiosity(radiosity, _) => Some(radiosity.whitted(self.world)),
-            Prepared::Zbuffer(_) => None,
+        let mut whitted = match &self.prepared {
+            Prepared::Whitted(settings) => Whitted::new(self.world, *settings),
+            Prepared::Radiosity(radiosity, _) => radiosity.whitted(self.world),
+            Prepared::Zbuffer(_) => return None,
+        };
+        if self.job.film.alpha {
+            whitted.hide_background();
         }
+        Some(whitted)
     }
 
     /// The solution of radiosity, and how light goes from patch to patch if that is kept.
@@ -309,6 +313,8 @@ impl<'a> ExplainWorker<'a> {
 
     fn tree(&self, [x, y]: [u32; 2], recorder: Recorder, sum: &WeightedSum) -> PixelTree {
         let [width, height] = self.explainer.job.camera.size();
+        let film = &self.explainer.job.film;
+        let alpha = film.alpha.then(|| saturate((recorder.alpha() / sum.weight()) as f32));
         let samples = recorder.into_samples();
         PixelTree {
             pixel: [x, y],
@@ -317,7 +323,7 @@ impl<'a> ExplainWorker<'a> {
             radiosity: self.explainer.lit(&samples),
             samples,
             camera: self.has_steps.then(|| CameraSteps::new(self.explainer.world, &self.explainer.job.camera)),
-            developed: DevelopedNode::new(sum.mean(), &self.explainer.job.developing()),
+            developed: DevelopedNode::new(sum.mean(), alpha, &self.explainer.job.developing()),
             color: sum.mean(),
         }
     }

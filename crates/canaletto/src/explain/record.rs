@@ -24,6 +24,8 @@ pub(super) struct Recorder<'w> {
     camera: &'w Camera,
     samples: Vec<SampleNode>,
     sample: Option<([f64; 2], f64)>,
+    /// The weighted sum of the samples' alphas.
+    alpha: f64,
     /// The sample's time and its point of the lens.
     drawn: (Option<f64>, Option<[f64; 2]>),
     /// The microfacet that the next ray leaves.
@@ -49,6 +51,7 @@ impl<'w> Recorder<'w> {
             camera,
             samples: Vec::new(),
             sample: None,
+            alpha: 0.0,
             drawn: (None, None),
             lobe: None,
             media: None,
@@ -100,6 +103,11 @@ impl<'w> Recorder<'w> {
             intersection: hit.and_then(|hit| intersection_at(self.world, &line, hit)),
             refraction: None,
         }))
+    }
+
+    /// The weighted sum of the samples' alphas.
+    pub(super) fn alpha(&self) -> f64 {
+        self.alpha
     }
 
     pub(super) fn into_samples(self) -> Vec<SampleNode> {
@@ -156,6 +164,10 @@ impl GeometryProbe for Recorder<'_> {
 impl Probe for Recorder<'_> {
     fn sample(&mut self, position: [f64; 2], weight: f64) {
         self.sample = Some((position, weight));
+    }
+
+    fn alpha(&mut self, share: f32) {
+        self.alpha += self.sample.map_or(0.0, |(_, weight)| weight) * f64::from(share);
     }
 
     fn drawn(&mut self, time: Option<f64>, lens: Option<[f64; 2]>) {

@@ -27,7 +27,8 @@ impl Developer {
         let exposure = libm::exp2f(stops);
         let scale = match tone {
             Tone::Scale => {
-                let largest = picture.pixels.par_iter().map(|c| c.max_component()).reduce(|| 0.0, f32::max) * exposure;
+                let largest = (0..picture.pixels.len()).into_par_iter().map(|i| picture.straight(i).max_component());
+                let largest = largest.reduce(|| 0.0, f32::max) * exposure;
                 if largest > 1.0 { 1.0 / largest } else { 1.0 }
             }
             Tone::Clamp | Tone::Agx | Tone::PbrNeutral => 1.0,
@@ -76,9 +77,14 @@ impl Developer {
     }
 }
 
-/// The picture's colours as display values in [0, 1], the top row first.
+/// The picture's colours as display values in [0, 1], the top row first. They aren't multiplied by alpha.
 pub fn develop(picture: &Picture, developing: &Developing) -> Vec<Rgb> {
-    Developer::new(picture, developing).developed(&picture.pixels)
+    let developer = Developer::new(picture, developing);
+    if picture.alpha.is_empty() {
+        return developer.developed(&picture.pixels);
+    }
+    let straight: Vec<Rgb> = (0..picture.pixels.len()).map(|i| picture.straight(i)).collect();
+    developer.developed(&straight)
 }
 
 /// Clamps values to [0, 1] and encodes them as display values.

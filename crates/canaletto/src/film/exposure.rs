@@ -17,7 +17,8 @@ const RANGE: f32 = 1.0 / 256.0;
 /// eight stops below the brightest tenth, so that neither the part that isn't rendered yet nor an empty background
 /// make a picture bright. A black picture has 0 stops.
 pub fn metered_exposure(picture: &Picture) -> f32 {
-    let mut light: Vec<f32> = picture.pixels.iter().map(|c| luminance(*c)).filter(|l| *l > 0.0).collect();
+    let mut light: Vec<f32> =
+        (0..picture.pixels.len()).map(|i| luminance(picture.straight(i))).filter(|l| *l > 0.0).collect();
     light.sort_unstable_by(f32::total_cmp);
     let place = |pixels: &[f32], share: f64| (pixels.len() as f64 * share) as usize;
     let Some(bright) = light.get(place(&light, 1.0 - CUT)).copied() else { return 0.0 };

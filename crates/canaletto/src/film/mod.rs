@@ -17,7 +17,7 @@ pub use develop::{Developer, develop, srgb_encode};
 pub use exposure::metered_exposure;
 pub use filter::{Division, FilterTable, Part};
 pub use half_buffers::HalfBuffers;
-pub use picture::{Layer, Picture};
+pub use picture::{Layer, Picture, unpremultiplied};
 pub use sample_blocks::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, BlockMean, SampleBlocks, block_sizes};
 pub use sample_statistics::{SamplePlace, SampleStatistics};
 pub(crate) use tile_buffer::{Accumulation, TileBuffer, WeightedSum};

@@ -14,6 +14,9 @@ pub struct Picture {
     pub pixels: Vec<Rgb>,
     /// The requested layers.
     pub layers: Vec<Layer>,
+    /// How much of what lies under the picture each pixel hides, 0 to 1, if the background is left out
+    /// ([`FilmSettings::alpha`](crate::scene::FilmSettings::alpha)); else empty. Colours are multiplied by it.
+    pub alpha: Vec<f32>,
 }
 
 /// One additional quantity of every pixel.
@@ -42,7 +45,8 @@ impl Picture {
     /// A black picture without layers.
     pub fn new(width: u32, height: u32) -> Picture {
         // Zeros are black.
-        Picture { width, height, pixels: memory::zeros(width as usize * height as usize), layers: Vec::new() }
+        let pixels = memory::zeros(width as usize * height as usize);
+        Picture { width, height, pixels, layers: Vec::new(), alpha: Vec::new() }
     }
 
     /// The colour of a pixel. x and y count from the top left.
@@ -50,8 +54,25 @@ impl Picture {
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
+    /// The colour of pixel number `i` without its multiplication by alpha; black where alpha is 0.
+    pub fn straight(&self, i: usize) -> Rgb {
+        match self.alpha.get(i) {
+            None => self.pixels[i],
+            Some(alpha) => unpremultiplied(self.pixels[i], *alpha),
+        }
+    }
+
     /// The layer of this name.
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|layer| layer.name == name)
     }
+}
+
+/// A colour divided by its alpha, which counts as 1 if it is more, as filters with negative parts make it; black where
+/// alpha isn't above 0.
+pub fn unpremultiplied(color: Rgb, alpha: f32) -> Rgb {
+    if alpha >= 1.0 {
+        return color;
+    }
+    if alpha > 0.0 { color.map(|v| v / alpha).saturated() } else { Rgb::BLACK }
 }

@@ -20,6 +20,11 @@ impl WeightedSum {
         self.weight += weight;
     }
 
+    /// The sum of the weights.
+    pub(crate) fn weight(&self) -> f64 {
+        self.weight
+    }
+
     /// The weighted mean of the colours.
     #[inline]
     pub(crate) fn mean(&self) -> Rgb {

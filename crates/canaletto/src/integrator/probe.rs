@@ -86,6 +86,8 @@ pub struct EmittersTerm {
 pub trait Probe: GeometryProbe {
     /// A sample of the pixel begins. `position` is in pixels (y upwards); `weight` is its filter weight.
     fn sample(&mut self, _position: [f64; 2], _weight: f64) {}
+    /// The share of the background that the sample hides, if that is asked for.
+    fn alpha(&mut self, _share: f32) {}
     /// The random choices for the sample. `time` is in 0..=1 and given if anything moves. `lens` is the point of the
     /// lens that the ray leaves, to the right and upwards, given if there is a lens.
     fn drawn(&mut self, _time: Option<f64>, _lens: Option<[f64; 2]>) {}

@@ -61,6 +61,14 @@ pub(crate) trait RayIntegrator<'w> {
     /// The world that it traces.
     fn world(&self) -> &'w World;
 
+    /// Leaves out the background that camera rays see straight on: it is black there.
+    fn hide_background(&mut self);
+
+    /// The share of the light behind all bodies that a camera ray of the current sample hides, 0 to 1. What the ray
+    /// passes without being bent lets light through: holes, partial coverage, media, thin walls, and bodies of the η
+    /// around them.
+    fn alpha(&mut self, line: DRay) -> f32;
+
     /// Begins a sample of a pixel. `sample` supplies random numbers until the next sample. `time` runs from 0 (the
     /// shutter opens) to 1 (it closes).
     fn begin(&mut self, sample: Sample, time: f32);

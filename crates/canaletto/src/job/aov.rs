@@ -50,7 +50,8 @@ pub enum Aov {
     TreeDepth,
     /// The number of rays traced for the pixel, of all kinds.
     Cost,
-    /// The share of the pixel that surfaces cover, 0 to 1. Cut-outs let the background through, clear bodies don't.
+    /// The share of the background that the pixel hides, 0 to 1. What a camera ray passes without being bent lets it
+    /// through: cut-outs, media, thin walls. Clear bodies that bend it don't.
     Alpha,
     /// The picture by the first half of its samples. Both halves estimate the same light, so their difference tells the
     /// error.

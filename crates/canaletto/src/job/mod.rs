@@ -258,7 +258,8 @@ impl Job {
         let [width, height] = self.camera.size().map(f64::from);
         let share = f64::from(SIDE) / width.max(height);
         let size = [width, height].map(|side| ((side * share).round() as u32).max(1));
-        let film = FilmSettings { sampling: Sampling::Sampled(SAMPLES), ..FilmSettings::default() };
+        let sampling = Sampling::Sampled(SAMPLES);
+        let film = FilmSettings { sampling, alpha: self.film.alpha, ..FilmSettings::default() };
         let mut integrator = self.integrator;
         if let Some(path) = integrator.path_mut() {
             // Learning would take longer than the picture.
@@ -266,6 +267,11 @@ impl Job {
         }
         let camera = self.camera.resized(size);
         Job { frame: self.frame, tile: 8, clamp: self.clamp, ..Job::new(camera, film, integrator) }
+    }
+
+    /// Whether it is asked how much of the background each pixel hides.
+    pub(crate) fn has_alpha(&self) -> bool {
+        self.film.alpha || self.aovs.contains(&Aov::Alpha)
     }
 
     /// The area to render: x and y (from the top left), width and height, in pixels.

@@ -56,8 +56,8 @@ pub(super) struct AovProbe<'w> {
     alpha: f64,
     sample_weight: f64,
     sample: Light,
-    /// The share of the sample that no surface covers.
-    missing: f32,
+    /// The share of the background that the sample hides.
+    sample_alpha: f32,
     /// The kinds and factors of the rays from the camera ray to the current ray.
     stack: Vec<(RayKind, Rgb)>,
     tree_depth: u32,
@@ -76,7 +76,7 @@ impl<'w> AovProbe<'w> {
             alpha: 0.0,
             sample_weight: 0.0,
             sample: Light::default(),
-            missing: 0.0,
+            sample_alpha: 0.0,
             stack: Vec::new(),
             tree_depth: 0,
             rays: 0,
@@ -101,8 +101,8 @@ impl<'w> AovProbe<'w> {
                 *s += self.sample_weight * f64::from(t);
             }
         }
-        self.alpha += self.sample_weight * f64::from(1.0 - self.missing);
-        (self.sample, self.missing) = (Light::default(), 0.0);
+        self.alpha += self.sample_weight * f64::from(self.sample_alpha);
+        (self.sample, self.sample_alpha) = (Light::default(), 0.0);
         self.sample_weight = 0.0;
     }
 
@@ -139,6 +139,10 @@ impl Probe for AovProbe<'_> {
         self.sample_weight = weight;
     }
 
+    fn alpha(&mut self, share: f32) {
+        self.sample_alpha = share;
+    }
+
     fn drawn(&mut self, time: Option<f64>, _lens: Option<[f64; 2]>) {
         if let Some(time) = time
             && self.camera.moves()
@@ -155,9 +159,6 @@ impl Probe for AovProbe<'_> {
     fn miss(&mut self, background: Rgb) {
         if self.stack.len() == 1 {
             self.sample.ambient += background;
-        }
-        if self.stack.iter().all(|(kind, _)| matches!(kind, RayKind::Eye | RayKind::Passed)) {
-            self.missing += self.stack.iter().map(|(_, factor)| factor.r).product::<f32>();
         }
     }
 

@@ -96,6 +96,8 @@ struct Grid {
     first: [i64; 2],
     size: [u32; 2],
     colors: Vec<Rgb>,
+    /// The share of the background that each site hides, if the background is left out; else 1.
+    alphas: Vec<f32>,
     /// The colours as displayed.
     shown: Vec<[f32; 3]>,
 }
@@ -118,6 +120,7 @@ impl Lattice {
                 first: [0, 1].map(|i: usize| pixel[i] + first[i]),
                 size,
                 colors: vec![Rgb::BLACK; size[0] as usize * size[1] as usize],
+                alphas: vec![1.0; size[0] as usize * size[1] as usize],
                 shown: Vec::new(),
             }
         };
@@ -139,12 +142,15 @@ impl Lattice {
         all.filter(move |site| self.covers(site.pixel) == own)
     }
 
-    /// Stores the colours of some sites.
-    pub(super) fn fill(&mut self, sites: &[Site], seen: &[Rgb]) {
-        for (site, color) in sites.iter().zip(seen) {
+    /// Stores the colours of some sites, and their alphas, if there are any.
+    pub(super) fn fill(&mut self, sites: &[Site], seen: &[Rgb], alphas: &[f32]) {
+        for (number, (site, color)) in sites.iter().zip(seen).enumerate() {
             let grid = &mut self.grids[site.kind as usize];
             let index = grid.index(site.pixel);
             grid.colors[index] = *color;
+            if let Some(alpha) = alphas.get(number) {
+                grid.alphas[index] = *alpha;
+            }
         }
     }
 
@@ -156,17 +162,19 @@ impl Lattice {
         }
     }
 
-    /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component.
+    /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component, and alphas, too.
     pub(super) fn is_even(&self, probes: &FilterSites, pixel: [i64; 2], threshold: f32) -> bool {
-        let (mut least, mut most) = ([1.0f32; 3], [0.0f32; 3]);
+        let (mut least, mut most) = ([1.0f32; 4], [0.0f32; 4]);
         for (site, _) in &probes.sites {
             let grid = &self.grids[site.kind as usize];
-            let shown = grid.shown[grid.index(site.at(pixel).pixel)];
-            for c in 0..3 {
+            let index = grid.index(site.at(pixel).pixel);
+            let [r, g, b] = grid.shown[index];
+            let shown = [r, g, b, grid.alphas[index]];
+            for c in 0..4 {
                 (least[c], most[c]) = (least[c].min(shown[c]), most[c].max(shown[c]));
             }
         }
-        (0..3).map(|c| most[c] - least[c]).fold(0.0, f32::max) <= threshold
+        (0..4).map(|c| most[c] - least[c]).fold(0.0, f32::max) <= threshold
     }
 
     /// The colours of an even pixel's sites, with their weights.

@@ -125,10 +125,16 @@ fn render_given(
                 ControlFlow::Break(()) => Rendering::unfinished(world, job),
             }));
         }
-        Ok(finished(match prepare(world, job, solution, observer)? {
-            ControlFlow::Continue(integrator) => on_all_threads(world, job, &*integrator, observer),
-            ControlFlow::Break(()) => Rendering::unfinished(world, job),
-        }))
+        let with_alpha = job.film.alpha.then(|| Job { aovs: [&job.aovs[..], &[Aov::Alpha]].concat(), ..job.clone() });
+        let layered = with_alpha.as_ref().unwrap_or(job);
+        let mut rendering = match prepare(world, layered, solution, observer)? {
+            ControlFlow::Continue(integrator) => on_all_threads(world, layered, &*integrator, observer),
+            ControlFlow::Break(()) => return Ok(finished(Rendering::unfinished(world, job))),
+        };
+        if with_alpha.is_some() {
+            rendering.picture.alpha = rendering.picture.layers.pop().map_or_else(Vec::new, |layer| layer.data);
+        }
+        Ok(finished(rendering))
     })?
 }
 
@@ -179,6 +185,7 @@ impl Rendering {
     pub fn unfinished(world: &World, job: &Job) -> Rendering {
         let [_, _, width, height] = job.window();
         let mut picture = Picture::new(width, height);
+        picture.alpha = if job.film.alpha { vec![0.0; picture.pixels.len()] } else { Vec::new() };
         picture.layers = job.aovs.iter().map(|aov| aov.layer(world, width, height)).collect();
         Rendering {
             picture,

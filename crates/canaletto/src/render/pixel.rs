@@ -154,7 +154,11 @@ impl<'a> PixelRenderer<'a> {
                 samples.numbers.push(camera_sample.numbers);
             }
             self.trace(integrator, |_| spacing(self.job.film.sampling), &mut samples);
-            lattice.fill(&sites, &samples.colors);
+            let alphas: Vec<f32> = match self.job.film.alpha {
+                true => sites.iter().map(|site| self.alpha(integrator, self.site_sample(*site, 1.0))).collect(),
+                false => Vec::new(),
+            };
+            lattice.fill(&sites, &samples.colors, &alphas);
         }
         *integrator.counts() = counts;
         lattice.develop(self.job.film.transfer);
@@ -238,6 +242,18 @@ impl<'a> PixelRenderer<'a> {
             }
         }
         self.samples = samples;
+    }
+
+    /// The share of the background that sample number `index` of a pixel hides, of a picture made in passes.
+    pub(crate) fn sample_alpha<'w>(&self, integrator: &mut impl RayIntegrator<'w>, pixel: [u32; 2], index: u32) -> f64 {
+        self.alpha(integrator, self.progressive_sample(pixel, index)).into()
+    }
+
+    /// The share of the background that a sample hides.
+    fn alpha<'w>(&self, integrator: &mut impl RayIntegrator<'w>, sample: CameraSample) -> f32 {
+        let eye = self.eye(integrator.world(), sample.position, &sample.numbers, 0.0);
+        integrator.begin(sample.numbers, eye.time);
+        integrator.alpha(eye.line)
     }
 
     /// Adds the colours of a block of a pixel's samples to `colors`, and returns the number of rays traced. A probe
@@ -464,6 +480,9 @@ impl<'a> PixelRenderer<'a> {
                 probe.drawn(moves.then_some(f64::from(eye.time)), eye.lens.map(|p| p.to_array()));
             }
             integrator.begin(camera_sample.numbers, eye.time);
+            if self.job.has_alpha() {
+                probe.alpha(integrator.alpha(eye.line));
+            }
             add(integrator.eye(eye.line, eye.differential.as_ref(), probe), camera_sample.weight);
         }
         integrator.counts().total() - before

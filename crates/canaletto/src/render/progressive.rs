@@ -6,11 +6,9 @@
 use super::aov_probe::AovProbe;
 use super::noise::NoiseEstimate;
 use super::{PixelRenderer, Rendering, StopOnDrop, in_squares};
-use crate::Named;
-use crate::film::{Accumulation, BlockMean, SampleBlocks, SampleStatistics, TileBuffer, block_sizes};
+use crate::film::{BlockMean, SampleBlocks, SampleStatistics, TileBuffer, block_sizes};
 use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, RayIntegrator};
 use crate::job::{Aov, BLUE_NOISE, Job, JobError, Observer, PassProgress, Progress};
-use crate::math::Rgb;
 use crate::scene::SamplerKind;
 use crate::world::World;
 use std::ops::ControlFlow;
@@ -35,9 +33,8 @@ struct Passes<'a, I> {
     job: &'a Job,
     integrator: &'a I,
     tiles: Vec<Mutex<SampleTile>>,
-    /// The layers that are made by watching rays, and whether they need all samples instead of the first one.
+    /// The layers of geometry, which are made by watching the first ray of each pixel.
     watched: Vec<Aov>,
-    watches_all: bool,
 }
 
 /// What is known of the pixels of a tile.
@@ -45,8 +42,10 @@ struct SampleTile {
     /// x and y from the picture's upper left corner, width and height, in pixels.
     area: [u32; 4],
     blocks: SampleBlocks,
-    /// The layers of geometry, and others that a probe collects; none without such layers.
+    /// The layers of geometry; none without such layers.
     layers: Option<TileBuffer>,
+    /// The sum of each pixel's alphas, and the number of samples in it; empty if nobody asks for alpha.
+    alphas: Vec<(f64, u32)>,
     statistics: SampleStatistics,
 }
 
@@ -74,9 +73,6 @@ pub(super) fn check_start(job: &Job, start: &SampleBlocks) -> Result<(), JobErro
     if count == 1 {
         return wrong("a single sample goes through the pixel's centre, where several don't".into());
     }
-    if let Some(aov) = job.aovs.iter().find(|aov| !aov.is_of_samples() && aov.accumulation() != Accumulation::First) {
-        return wrong(format!("the layer \"{}\" needs all samples from the first on", aov.name()));
-    }
     let asks_for_halves = job.aovs.iter().any(|aov| aov.is_half());
     // A block becomes a half of a larger one where the number of samples has a digit more.
     let stays = |old: u32| old > 1 && (job.first_sample > 0 || old.max(count).ilog2() == old.ilog2());
@@ -100,8 +96,9 @@ pub(super) fn render<I: PreparedRayIntegrator>(
     let [left, top, width, height] = job.window();
     let first = job.first_sample;
     let keeps_halves = job.noise.is_some() || job.aovs.iter().any(|aov| aov.is_half());
-    let watched: Vec<Aov> = job.aovs.iter().copied().filter(|aov| !aov.is_of_samples()).collect();
-    let watches_all = watched.iter().any(|aov| aov.accumulation() != Accumulation::First);
+    let is_watched = |aov: &Aov| !aov.is_of_samples() && *aov != Aov::Alpha;
+    let watched: Vec<Aov> = job.aovs.iter().copied().filter(is_watched).collect();
+    let alphas = |pixels: u32| if job.has_alpha() { vec![(0.0, 0); pixels as usize] } else { Vec::new() };
     let side = job.tile.max(1);
     let mut tiles = Vec::new();
     for y in (0..height).step_by(side as usize) {
@@ -116,10 +113,11 @@ pub(super) fn render<I: PreparedRayIntegrator>(
                 None => SampleBlocks::new([w, h], first, keeps_halves),
             };
             let area = [left + x, top + y, w, h];
-            tiles.push(Mutex::new(SampleTile { area, blocks, layers, statistics: SampleStatistics::default() }));
+            let statistics = SampleStatistics::default();
+            tiles.push(Mutex::new(SampleTile { area, blocks, layers, alphas: alphas(w * h), statistics }));
         }
     }
-    let passes = Passes { world, job, integrator, tiles, watched, watches_all };
+    let passes = Passes { world, job, integrator, tiles, watched };
     let rendering = Rendering { counts: integrator.preparation_counts(), ..Rendering::unfinished(world, job) };
     let noise = job.noise.map(|limit| NoiseEstimate::new([width, height], limit));
     let mut shared = Shared { rendering, noise, samples: 0 };
@@ -142,7 +140,7 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         let mut count = from;
         let mut needed = self.judge(&shared, count, end);
         // A picture that has enough samples already may need layers.
-        let mut needs_pass = needed > 0 || !self.watched.is_empty();
+        let mut needs_pass = needed > 0 || !self.watched.is_empty() || self.job.has_alpha();
         while needs_pass {
             let next = if needed > 0 { next_count(count, end) } else { count };
             self.pass(&shared, self.job.first_sample + next, all, &cancelled, &stopped, observer);
@@ -196,8 +194,12 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         let [left, top, width, _] = self.job.window();
         rayon::broadcast(|_| {
             let ended = StopOnDrop(stopped);
+            let mut integrator = self.integrator.worker(self.world, cancelled);
+            if self.job.film.alpha {
+                integrator.hide_background();
+            }
             let mut worker = Worker {
-                integrator: self.integrator.worker(self.world, cancelled),
+                integrator,
                 cancelled,
                 pixels: PixelRenderer::new(self.job),
                 size: [0; 2],
@@ -245,6 +247,9 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
             for column in 0..width as usize {
                 let pixel = row as usize * width as usize + column;
                 picture.pixels[to + column] = tile.blocks.mean(pixel);
+                if let Some(alpha) = picture.alpha.get_mut(to + column) {
+                    *alpha = tile.alpha(pixel);
+                }
                 if let (Some(noise), Some(halves)) = (noise.as_mut(), tile.blocks.half_means(pixel)) {
                     noise.set(to + column, picture.pixels[to + column], halves);
                 }
@@ -252,7 +257,7 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         }
         let mut watched = 0;
         for (aov, layer) in self.job.aovs.iter().zip(&mut picture.layers) {
-            if let (false, Some(buffer)) = (aov.is_of_samples(), &tile.layers) {
+            if let (false, Some(buffer)) = (aov.is_of_samples() || *aov == Aov::Alpha, &tile.layers) {
                 buffer.write_layer(watched, layer, picture.width, [left, top]);
                 watched += 1;
                 continue;
@@ -265,6 +270,7 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
                     match aov {
                         Aov::HalfA => layer.data[(to + column) * 3..][..3].copy_from_slice(&halves()[0].to_array()),
                         Aov::HalfB => layer.data[(to + column) * 3..][..3].copy_from_slice(&halves()[1].to_array()),
+                        Aov::Alpha => layer.data[to + column] = tile.alpha(pixel),
                         _ => layer.data[to + column] = tile.blocks.counts()[pixel] as f32,
                     }
                 }
@@ -287,6 +293,14 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         rendering.pixels_done = blocks.counts().iter().filter(|count| **count > 0).count() as u64;
         rendering.statistics = Some(statistics);
         rendering.samples = Some(blocks);
+    }
+}
+
+impl SampleTile {
+    /// The mean alpha of a pixel.
+    fn alpha(&self, pixel: usize) -> f32 {
+        let (sum, count) = self.alphas[pixel];
+        if count == 0 { 0.0 } else { (sum / f64::from(count)) as f32 }
     }
 }
 
@@ -316,7 +330,7 @@ impl<'a, R: RayIntegrator<'a>> Worker<'a, R> {
             (self.size, self.places) = ([width, height], in_squares([width, height]));
         }
         let is_new = tile.layers.as_ref().is_some_and(|layers| layers.pass() == 0);
-        if is_new && !passes.watches_all {
+        if is_new {
             self.watch_first(passes, tile)?;
         }
         let first = tile.blocks.first();
@@ -336,10 +350,6 @@ impl<'a, R: RayIntegrator<'a>> Worker<'a, R> {
                 .copied()
                 .collect();
             samples += places.len() as u64 * u64::from(size);
-            if passes.watches_all {
-                self.watch(passes, tile, &places, [start, size])?;
-                continue;
-            }
             for chunk in places.chunks((R::BATCH_SIZE / size as usize).max(1)) {
                 self.poll()?;
                 self.together.clear();
@@ -352,6 +362,16 @@ impl<'a, R: RayIntegrator<'a>> Worker<'a, R> {
                     blocks.push(number([x, y]), size, BlockMean::of_samples(colors));
                 });
             }
+        }
+        for (pixel, (sum, alphas)) in tile.alphas.iter_mut().enumerate() {
+            self.poll()?;
+            let place = [x0 + pixel as u32 % width, y0 + pixel as u32 / width];
+            let count = tile.blocks.counts()[pixel];
+            // One after the other, so that the sum is the same in any passes.
+            for index in first + *alphas..first + count {
+                *sum += self.pixels.sample_alpha(&mut self.integrator, place, index);
+            }
+            *alphas = count;
         }
         if let Some(layers) = &mut tile.layers {
             layers.end_pass();
@@ -373,35 +393,6 @@ impl<'a, R: RayIntegrator<'a>> Worker<'a, R> {
             self.pixels.block_with_probe(&mut self.integrator, place, [first, 1], &mut probe, &mut Vec::new());
             *self.integrator.counts() = counts;
             probe.finish(0, &passes.watched, index, layers);
-        }
-        ControlFlow::Continue(())
-    }
-
-    /// Adds a block of samples, one ray after the other, for a probe that collects layers.
-    fn watch<I>(
-        &mut self,
-        passes: &Passes<'_, I>,
-        tile: &mut SampleTile,
-        places: &[[u32; 2]],
-        [start, size]: [u32; 2],
-    ) -> ControlFlow<()> {
-        let [x0, y0, width, _] = tile.area;
-        let mut colors = Vec::new();
-        for [x, y] in places {
-            self.poll()?;
-            let (index, place) = ((y * width + x) as usize, [x0 + x, y0 + y]);
-            let mut probe = AovProbe::new(self.integrator.world(), &passes.job.camera);
-            colors.clear();
-            let rays =
-                self.pixels.block_with_probe(&mut self.integrator, place, [start, size], &mut probe, &mut colors);
-            // Colours of a cancelled integrator are meaningless.
-            self.poll()?;
-            tile.statistics.check(&mut colors, passes.job.clamp, place, start);
-            if let Some(layers) = &mut tile.layers {
-                layers.pixel_mut(index).add(Rgb::BLACK, f64::from(size));
-                probe.finish(rays, &passes.watched, index, layers);
-            }
-            tile.blocks.push(index, size, BlockMean::of_samples(&mut colors));
         }
         ControlFlow::Continue(())
     }

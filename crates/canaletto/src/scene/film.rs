@@ -24,6 +24,10 @@ pub struct FilmSettings {
     pub tone: Option<Tone>,
     /// The transfer from linear light to the numbers in an 8- or 16-bit file.
     pub transfer: Transfer,
+    /// Whether the background that camera rays see straight on is left out, so that it shows what is laid under the
+    /// picture. Reflections, refractions and light from it stay. The picture has an alpha then.
+    #[serde(default)]
+    pub alpha: bool,
     /// The only part of the picture to render: x, y (from the top left), width, height in pixels.
     pub crop: Option<[u32; 4]>,
 }

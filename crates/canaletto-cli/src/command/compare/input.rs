@@ -76,6 +76,8 @@ impl Input {
         if self.decoded.display_referred {
             return image;
         }
+        // Display values aren't multiplied by alpha, as in a PNG.
+        let image = image.unpremultiplied();
         let image = if (developing.exposure, developing.tone) == (Exposure::default(), Tone::Clamp) {
             image
         } else {
@@ -91,7 +93,12 @@ impl Input {
     /// The picture in linear light.
     pub(in crate::command) fn linear(self, curve: Transfer) -> Image {
         let Decoded { image, display_referred, .. } = self.decoded;
-        if !display_referred || curve == Transfer::None { image } else { image.map_color(decode_srgb) }
+        match display_referred {
+            false => image,
+            // Linear light is multiplied by alpha, as in an EXR.
+            true if curve == Transfer::None => image.premultiplied(),
+            true => image.map_color(decode_srgb).premultiplied(),
+        }
     }
 }
 

@@ -175,7 +175,9 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
         let picture = PictureFlags { integrator: Some(integrator), ..flags.picture.clone() };
         let settings = Settings::new(&source.name, &source.scene, &picture)?;
         settings.check_pixels()?;
-        let job = Job { frame, ..settings.job.clone() };
+        let mut job = Job { frame, ..settings.job.clone() };
+        // Light is compared.
+        job.film.alpha = false;
         let file = output.layer_path(frame, integrator.name());
         methods.push(Method { integrator, job, texts: Vec::new(), file });
         camera = settings.camera;

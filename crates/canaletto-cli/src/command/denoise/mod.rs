@@ -3,10 +3,11 @@
 mod independence;
 
 use crate::command_files::{CommandFiles, FolderFlag};
-use crate::denoiser::{Denoiser, lacks, of_image, told};
+use crate::denoiser::{Denoiser, blacken_uncovered, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
+use crate::layers::developed;
 use crate::output::{check_files, unfit, write_file};
 use crate::output_format::Format;
 use crate::picture_file::read_picture;
@@ -15,7 +16,7 @@ use crate::source::on_threads;
 use crate::told_developing::{EXPOSURE, METERED_EXPOSURE, TONE, TRANSFER, ToldDeveloping};
 use canaletto::Named;
 use canaletto::denoise::NoisyPicture;
-use canaletto::film::{Picture, develop, metered_exposure};
+use canaletto::film::{Picture, metered_exposure};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{Developing, Exposure, Tone, Transfer};
@@ -133,7 +134,9 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         eprint_line(&format!("note: {name}: {lacks}"));
     }
     let start = Instant::now();
-    let Some(denoised) = flags.denoiser.run(noisy)? else { return Ok(Exit::Interrupted) };
+    let Some(mut denoised) = flags.denoiser.run(noisy)? else { return Ok(Exit::Interrupted) };
+    let alpha = decoded.image.channel("A").map(<[f32]>::to_vec).unwrap_or_default();
+    blacken_uncovered(&mut denoised.color, &alpha);
     let time = start.elapsed();
     let settings = EncodeSettings { window: Some(decoded.window), ..EncodeSettings::default() };
     let is_linear = format.capabilities().is_some_and(|can| can.linear);
@@ -151,12 +154,11 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
         }
         format.encode_image(&image, Transfer::None, &settings, &decoded.metadata)
     } else {
-        let picture = Picture { pixels: denoised.color.clone(), ..Picture::new(width, height) };
+        let picture = Picture { pixels: denoised.color.clone(), alpha, ..Picture::new(width, height) };
         let mut texts = decoded.metadata;
         let developing = flags.developing(&mut texts, &picture);
-        let shown = colors(&develop(&picture, &developing));
         let settings = EncodeSettings { window: None, ..settings };
-        format.encode_image(&Image::from_rgb(width, height, shown.into_iter()), developing.transfer, &settings, &texts)
+        format.encode_image(&developed(&picture, &developing), developing.transfer, &settings, &texts)
     };
     write_file(&flags.output, &bytes.map_err(|e| unfit(&e))?)?;
     if !flags.quiet {

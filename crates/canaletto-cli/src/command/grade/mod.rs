@@ -91,7 +91,9 @@ fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
         settings = Settings::new(&name, &scene, &PictureFlags { size: Some(PictureSize::Pixels(size)), ..picture })?;
     }
     settings.check_pixels()?;
-    let job = Job { frame, ..settings.job };
+    let mut job = Job { frame, ..settings.job };
+    // Light is graded.
+    job.film.alpha = false;
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
     let (world, _) = build(&name, scene, &options, None)?;
     let job = if is_metered(&job) { exposed(&job, meter(&name, &world, &job, None)?) } else { job };

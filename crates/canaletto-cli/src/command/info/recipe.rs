@@ -1,11 +1,12 @@
 //! The command that makes a picture again, from the settings in its file.
 
 use crate::complete::PICTURE_TRANSFER;
+use crate::settings::ALPHA;
 use crate::told_developing::exposure_text;
 use canaletto::Named;
 use canaletto::render::Aov;
 use canaletto::scene::{Integrator, SamplePattern};
-use canaletto_io::picture::{Decoded, PictureFormat, channel_names};
+use canaletto_io::picture::{Decoded, PictureFormat, layer_channel_names};
 use std::path::{Path, PathBuf};
 
 /// A command line, and what it leaves open.
@@ -33,6 +34,7 @@ impl Recipe {
         flags.with("--samples", samples);
         flags.with("--sampler", text("sampler"));
         flags.with("--seed", text("seed").filter(|seed| *seed != "0"));
+        flags.with("--background", text(ALPHA).map(|_| "none"));
         flags.with("--exposure", exposure_text(&decoded.metadata));
         flags.with("--tone", text("tone"));
         flags.with("--transfer", text(PICTURE_TRANSFER).or(text("transfer")));
@@ -124,7 +126,7 @@ fn assignments(text: &str) -> Vec<String> {
 
 /// The layers whose channels a picture has.
 fn layers(decoded: &Decoded) -> Vec<&'static str> {
-    let has = |aov: &Aov| channel_names(&[*aov])[3..].iter().all(|name| decoded.image.channel(name).is_some());
+    let has = |aov: &Aov| layer_channel_names(*aov).all(|name| decoded.image.channel(&name).is_some());
     Aov::ALL.iter().filter(|aov| has(aov)).map(|aov| aov.name()).collect()
 }
 

@@ -177,7 +177,9 @@ struct LadderWork<'a> {
 impl<'a> LadderWork<'a> {
     /// The work on a job. If its exposure is `auto`, it is metered in the world, and all rungs have it.
     fn new(name: &'a str, style: Style, world: &World, job: &Job) -> Result<LadderWork<'a>, Failure> {
-        let job = if is_metered(job) { exposed(job, meter(name, world, job, None)?) } else { job.clone() };
+        let mut job = if is_metered(job) { exposed(job, meter(name, world, job, None)?) } else { job.clone() };
+        // The rungs differ in light.
+        job.film.alpha = false;
         Ok(LadderWork { name, style, job })
     }
 

@@ -166,7 +166,8 @@ fn encode_png(
 }
 
 /// The bytes of a PNG of a picture in linear light, developed while `goes_on` returns true.
-/// The rest of the picture is black. `metadata` becomes texts.
+/// The rest of the picture is black. `metadata` becomes texts. With alpha, colours are divided by it before they are
+/// developed, as PNG asks, and alpha is stored as it is.
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
@@ -181,6 +182,20 @@ fn develop_png(
         return Err(no_pixels());
     }
     let developer = Developer::new(picture, developing);
+    if !picture.alpha.is_empty() {
+        let size = [picture.width, picture.height];
+        return encode(size, 4, settings.into(), developing.transfer, metadata, |range, values| {
+            if !goes_on() {
+                return values.fill(0.0);
+            }
+            for (value, pixel) in values.as_chunks_mut().0.iter_mut().zip(range) {
+                let mut color = [picture.straight(pixel).to_array()];
+                developer.develop(&mut color);
+                let [[r, g, b]] = color;
+                *value = [r, g, b, picture.alpha[pixel]];
+            }
+        });
+    }
     encode([picture.width, picture.height], 3, settings.into(), developing.transfer, metadata, |range, values| {
         if !goes_on() {
             return values.fill(0.0);

@@ -72,6 +72,12 @@ const TONE: Field<Tone> = Field::word(
 const TRANSFER: Field<Transfer> =
     Field::word("transfer", "from linear light to the numbers in the file: as they are, or the sRGB curve")
         .or(|| quoted(Transfer::default().name()));
+const ALPHA: Field<bool> = Field::new(
+    "alpha",
+    "whether the background that the camera sees straight on is left out: the picture has an alpha then. Reflections \
+     and light of the background stay",
+)
+.or(|| false.to_string());
 /// The only part of the picture that is rendered.
 pub(crate) const CROP: Field<[u32; 4]> =
     Field::new("crop", "only this part of the picture: x, y (from the top left), width, height in pixels")
@@ -88,6 +94,7 @@ pub(crate) static FILM: NodeSchema = NodeSchema::new(
         EXPOSURE.schema,
         TONE.schema,
         TRANSFER.schema,
+        ALPHA.schema,
         CROP.schema,
     ]],
 )
@@ -108,6 +115,7 @@ impl Decoder<'_> {
         }
         change(&mut film.tone, fields.word(&TONE).map(Some));
         change(&mut film.transfer, fields.word(&TRANSFER));
+        change(&mut film.alpha, fields.get(&ALPHA));
         change(&mut film.crop, fields.get(&CROP).map(Some));
         change(&mut film.sampling, self.sampling(fields));
         change(&mut film.sampler, fields.word(&SAMPLER));

@@ -139,6 +139,9 @@ impl Walk<'_> {
         if self.is_one_ray {
             self.color("colour of the pixel", None, trees.map(|tree| tree.color));
         }
+        if let [Some(a), Some(b)] = [a.alpha, b.alpha] {
+            self.number("alpha", None, [a, b].map(f64::from));
+        }
         if let [Some(a), Some(b)] = [a.exposure, b.exposure] {
             self.number("exposure", None, [a, b].map(f64::from));
         }

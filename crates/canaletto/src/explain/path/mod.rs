@@ -13,7 +13,7 @@ use crate::film::{BlockMean, SampleBlocks, SampleStatistics, WeightedSum, block_
 use crate::integrator::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
 use crate::integrator::{PreparedRayIntegrator, RayIntegrator};
 use crate::material::Lobe;
-use crate::math::Rgb;
+use crate::math::{Rgb, saturate};
 use crate::render::{Job, PixelRenderer, prepare_path};
 use crate::scene::Integrator;
 use crate::world::World;
@@ -73,6 +73,9 @@ pub struct PathSample {
     pub position: [f64; 2],
     /// The sample's weight; the pixel is the weighted mean of its samples.
     pub weight: f64,
+    /// The share of the background that the sample hides, if that is asked for.
+    #[serde(skip)]
+    pub alpha: Option<f32>,
     /// The time, from 0 (the shutter opens) to 1 (it closes), if anything moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
@@ -257,6 +260,9 @@ pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<Pat
     };
     let is_too_much = |rays: u64| rays > MAX_RAYS;
     let mut tracer = prepared.worker(world, &is_too_much);
+    if job.film.alpha {
+        tracer.hide_background();
+    }
     let mut recorder = PathRecorder::new(world);
     let mut sum = WeightedSum::default();
     let mut renderer = PixelRenderer::new(job);
@@ -274,14 +280,20 @@ pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<Pat
     let ([x, y], [width, height]) = (pixel, job.camera.size());
     let summing = if is_in_passes { Summing::Blocks { first, clamp: job.clamp } } else { Summing::Weights };
     let color = if is_in_passes { mean_of_blocks(&mut colors, first, job.clamp) } else { sum.mean() };
+    let samples = recorder.into_samples();
+    let alpha = job.film.alpha.then(|| {
+        let weights: f64 = samples.iter().map(|sample| sample.weight).sum();
+        let alphas = samples.iter().map(|sample| sample.weight * f64::from(sample.alpha.unwrap_or(1.0)));
+        saturate((alphas.sum::<f64>() / weights) as f32)
+    });
     Ok(PathTree {
         summing,
         pixel,
         chapter_pixel: [x, height - 1 - y],
         size: [width, height],
-        samples: recorder.into_samples(),
+        samples,
         color,
-        developed: DevelopedNode::new(color, &job.developing()),
+        developed: DevelopedNode::new(color, alpha, &job.developing()),
     })
 }
 

@@ -89,12 +89,19 @@ impl Probe for PathRecorder<'_> {
             number,
             position,
             weight,
+            alpha: None,
             time: None,
             lens: None,
             rays: Vec::new(),
             color: Rgb::BLACK,
         });
         self.throughput = Rgb::WHITE;
+    }
+
+    fn alpha(&mut self, share: f32) {
+        if let Some(sample) = self.samples.last_mut() {
+            sample.alpha = Some(share);
+        }
     }
 
     fn drawn(&mut self, time: Option<f64>, lens: Option<[f64; 2]>) {

@@ -133,6 +133,7 @@ impl PreparedRayIntegrator for PreparedPath {
             guide: self.guide.as_ref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
+            hides_background: false,
             counts: RayCounts::default(),
             cancelled,
             is_cancelled: false,
@@ -173,6 +174,8 @@ pub(crate) struct PathTracer<'w> {
     has_media: bool,
     /// Whether shadow rays to all sources pass surfaces: partial coverage, and what light passes straight on.
     sees_through: bool,
+    /// Whether the background is black where camera rays see it straight on.
+    hides_background: bool,
     counts: RayCounts,
     cancelled: Cancelled<'w>,
     is_cancelled: bool,
@@ -221,6 +224,14 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
 
     fn world(&self) -> &'w World {
         self.world
+    }
+
+    fn hide_background(&mut self) {
+        self.hides_background = true;
+    }
+
+    fn alpha(&mut self, line: DRay) -> f32 {
+        self.hidden_behind(line)
     }
 
     fn begin(&mut self, sample: Sample, time: f32) {

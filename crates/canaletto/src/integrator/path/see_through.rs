@@ -8,13 +8,13 @@
 use super::PathTracer;
 use super::direct::{PAST_EMITTER, ShadowRay};
 use super::light_sampler::Source;
-use super::trace::MAX_PASSED;
+use super::trace::{MAX_PASSED, Segment};
 use super::vertex::{SurfaceVertex, Vertex};
 use crate::integrator::media::NONE;
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::material::StandardSurface;
-use crate::math::Rgb;
+use crate::math::{DRay, Rgb};
 
 /// A smaller share of a light counts as zero.
 const LEAST_PASSED: f32 = 1.0 / (1u64 << 40) as f32;
@@ -31,6 +31,16 @@ impl PathTracer<'_> {
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(seen.is_none());
         seen.unwrap_or(Rgb::BLACK)
+    }
+
+    /// The share of the background that a camera ray hides: 1 minus what passes straight on, as the mean of red, green
+    /// and blue. The light of the environment behind it would pass the same surfaces.
+    pub(super) fn hidden_behind(&mut self, line: DRay) -> f32 {
+        self.media.clear();
+        let Segment { ray, line, inside, .. } = self.start(line, None, self.sample).segment;
+        let light = Rgb::BLACK;
+        let seen = self.see(&ShadowRay { source: Source::Environment, ray, t_max: f32::INFINITY, light, line, inside });
+        seen.map_or(1.0, |Rgb { r, g, b }| 1.0 - (r + g + b) / 3.0)
     }
 
     /// What is left of the light of a shadow ray's source; none if something hides it.

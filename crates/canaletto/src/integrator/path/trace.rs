@@ -78,12 +78,12 @@ pub(super) struct ScatteredFrom {
 }
 
 /// The ray that a path goes on along.
-struct Segment {
-    ray: Ray,
-    line: DRay,
+pub(super) struct Segment {
+    pub(super) ray: Ray,
+    pub(super) line: DRay,
     differential: Option<RayDifferential>,
     /// The bodies that the ray is in, and the coinciding surface at its origin.
-    inside: [u32; 2],
+    pub(super) inside: [u32; 2],
     /// Where it was scattered last, if it has gone straight on since then. None from the eye, and after a mirror or a
     /// refraction, which no light is sampled for.
     scattered: Option<ScatteredFrom>,
@@ -127,7 +127,7 @@ enum Kind {
 /// A path on its way.
 pub(super) struct Path {
     /// The ray that it goes along next.
-    segment: Segment,
+    pub(super) segment: Segment,
     pub(super) sample: Sample,
     /// The time of its rays.
     pub(super) time: f32,
@@ -139,7 +139,7 @@ pub(super) struct Path {
     pub(super) throughput: Rgb,
     /// How much more probable its directions were by the guiding field and the surfaces than by the surfaces alone.
     pub(super) guided: f32,
-    /// The number of surfaces, with the next one.
+    /// The number of surfaces that bend it, with the next one.
     pub(super) depth: u32,
     /// The number of surfaces of partial coverage that it has passed.
     passed: u32,
@@ -280,7 +280,11 @@ impl PathTracer<'_> {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
         let Some((met, is_first)) = self.meet(&path.segment, found, probe) else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
-            let arriving = self.environment(&path.segment, is_direct, probe);
+            // A path that nothing has bent is on its first surface.
+            let arriving = match self.hides_background && path.depth == 1 {
+                true => Rgb::BLACK,
+                false => self.environment(&path.segment, is_direct, probe),
+            };
             if is_eye {
                 probe.miss(arriving);
             }

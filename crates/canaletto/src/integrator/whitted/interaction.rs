@@ -59,6 +59,9 @@ impl Whitted<'_> {
 
     /// The colour of a ray that hits nothing.
     pub(super) fn background<P: Probe>(&self, ray: &RayState, probe: &mut P) -> Rgb {
+        if self.hides_background && ray.path_state.is_straight {
+            return Rgb::BLACK;
+        }
         background(self.world, ray.line.direction, ray.differential.as_ref(), probe)
     }
 }

@@ -22,7 +22,7 @@ use super::{Cancelled, EmittersTerm, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample, Sampler};
-use crate::scene::WhittedSettings;
+use crate::scene::{Stage, WhittedSettings};
 use crate::world::{Hit, OccluderCache, World};
 pub(super) use direct::BEFORE_LIGHT;
 use glam::{DVec3, Vec3};
@@ -38,6 +38,8 @@ pub struct Whitted<'w> {
     settings: WhittedSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
+    /// Whether the background is black where camera rays see it straight on.
+    hides_background: bool,
     /// What finds shadows in place of rays.
     shadow_lookup: Option<&'w dyn ShadowLookup>,
     /// Called at intervals with the number of rays traced; returns whether to cancel.
@@ -107,6 +109,7 @@ impl<'w> Whitted<'w> {
             world,
             settings,
             counts: RayCounts::default(),
+            hides_background: false,
             shadow_lookup: None,
             cancelled: None,
             is_cancelled: false,
@@ -194,14 +197,45 @@ impl<'w> Whitted<'w> {
         probe: &mut P,
     ) -> Rgb {
         self.poll(1);
-        let line = line.into();
+        let ray = self.eye_ray(line.into(), differential.copied());
+        self.trace(&ray, probe)
+    }
+
+    /// A camera ray of the current sample.
+    fn eye_ray(&mut self, line: DRay, differential: Option<RayDifferential>) -> RayState {
         let mut path_state = PathState::EYE;
         if self.world.has_clear() {
             self.media.clear();
             path_state.inside = self.media.around_eye(self.world, line.origin, self.time, self.settings.max_depth);
         }
-        let (sample, differential) = (self.sample, differential.copied());
-        self.trace(&RayState { ray: line.rounded(), line, path_state, sample, differential }, probe)
+        RayState { ray: line.rounded(), line, path_state, sample: self.sample, differential }
+    }
+
+    /// The share of the background's light that reaches the eye straight on along a camera ray: past holes, partial
+    /// coverage, and clear bodies of the η around them.
+    fn seen_through(&mut self, line: DRay) -> f32 {
+        let counts = self.counts;
+        let (mut ray, mut share) = (self.eye_ray(line, None), 1.0);
+        while let Some(visible_hit) = self.intersect(&ray, &mut ()) {
+            let at = SurfaceInteraction::new(&visible_hit, &ray);
+            let material = at.material;
+            let (coverage, opacity) = (material.coverage, material.phong().opacity);
+            let is_clear = self.settings.stage >= Stage::Full && material.is_clear() && material.is_seen();
+            let refracted = if is_clear { self.refracted_ray(&at, &mut ()) } else { None };
+            let straight = refracted.filter(|ray| ray.path_state.is_straight);
+            let clear = straight.as_ref().map_or(0.0, |_| (1.0 - opacity) * (1.0 - material.overlay.1));
+            share *= (1.0 - coverage) + coverage * clear;
+            let passed = if coverage < 1.0 { self.passed_ray(&at, &mut ()) } else { straight };
+            match passed.filter(|_| share > 0.0) {
+                Some(passed) => ray = passed,
+                None => {
+                    share = 0.0;
+                    break;
+                }
+            }
+        }
+        self.counts = counts;
+        share
     }
 
     /// Counts `rays` towards the next call of the cancel callback, and calls it when it is due.

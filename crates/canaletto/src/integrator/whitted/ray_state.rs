@@ -40,6 +40,8 @@ pub(super) struct PathState {
     pub(super) attenuation: Rgb,
     /// The product of all attenuations from the eye.
     pub(super) throughput: Rgb,
+    /// Whether it has gone straight on from the eye.
+    pub(super) is_straight: bool,
     /// The number of surfaces of partial coverage that the path has passed.
     pub(super) passed_surfaces: u32,
     /// The dimension that separates the random numbers here from those elsewhere in the tree.
@@ -57,6 +59,7 @@ impl PathState {
         depth: 1,
         attenuation: Rgb::WHITE,
         throughput: Rgb::WHITE,
+        is_straight: true,
         passed_surfaces: 0,
         place: Dimension::EYE.of(uses::EYE),
         inside: media::NONE,

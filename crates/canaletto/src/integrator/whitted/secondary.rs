@@ -40,7 +40,8 @@ impl Whitted<'_> {
         let transmitted = Rgb::gray(1.0 - phong.opacity);
         let Refraction::Outer(outer) = refraction else {
             let path_state = self.child(at.parent(), RayKind::Refracted, transmitted, probe)?;
-            let path_state = PathState { inside: beyond, first_crossing: next, ..path_state };
+            let is_straight = at.path_state.is_straight;
+            let path_state = PathState { inside: beyond, first_crossing: next, is_straight, ..path_state };
             return Some(at.child_ray(path_state, -frame.wo, at.differential_straight()));
         };
         let eta = f64::from(phong.eta);
@@ -58,7 +59,8 @@ impl Whitted<'_> {
         let path_state = self.child(at.parent(), kind, transmitted, probe)?;
         let path_state = if kind == RayKind::Refracted {
             probe.bent(from, into);
-            PathState { inside: beyond, first_crossing: next, ..path_state }
+            let is_straight = at.path_state.is_straight && eta_ratio == 1.0;
+            PathState { inside: beyond, first_crossing: next, is_straight, ..path_state }
         } else {
             PathState { inside: self.inside(at), first_crossing: back, ..path_state }
         };
@@ -87,7 +89,8 @@ impl Whitted<'_> {
             Some(crossing) => PathState { inside: crossing.beyond, first_crossing: crossing.next, ..path_state },
             None => path_state,
         };
-        let path_state = PathState { passed_surfaces: path_state.passed_surfaces + 1, ..path_state };
+        let (passed_surfaces, is_straight) = (path_state.passed_surfaces + 1, at.path_state.is_straight);
+        let path_state = PathState { passed_surfaces, is_straight, ..path_state };
         Some(at.child_ray(path_state, -at.frame.wo, at.differential_straight()))
     }
 
@@ -122,7 +125,8 @@ impl Whitted<'_> {
             RayKind::Refracted | RayKind::TotallyReflected => uses::REFRACTED,
             RayKind::Passed => uses::PASSED,
         });
-        Some(PathState { kind, depth: parent.depth + 1, attenuation, throughput, place, ..parent })
+        let (depth, is_straight) = (parent.depth + 1, false);
+        Some(PathState { kind, depth, attenuation, throughput, is_straight, place, ..parent })
     }
 }
 

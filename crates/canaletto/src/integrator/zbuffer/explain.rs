@@ -132,10 +132,14 @@ impl<'a> ZbufferExplainer<'a> {
             let Some(visible) = worker.lookup.visible(tile.number, part) else {
                 let line = zbuffer.camera.line(part.place[0], part.place[1]);
                 probe.sample(part.place, part.share);
+                probe.alpha(0.0);
                 probe.drawn(None, None);
                 probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
                 let differential = differential(zbuffer, part.place);
-                let color = background(zbuffer.world, line.direction, differential.as_ref(), probe);
+                let color = match zbuffer.job.film.alpha {
+                    true => Rgb::BLACK,
+                    false => background(zbuffer.world, line.direction, differential.as_ref(), probe),
+                };
                 probe.miss(color);
                 probe.end(color);
                 sum.add(color, part.share);
@@ -147,6 +151,7 @@ impl<'a> ZbufferExplainer<'a> {
             let seen = (line, visible.hit(&line));
             worker.lookup.fragments_of(part, &visible, seen, tile.area, |weight, fragment| {
                 probe.sample(part.place, weight);
+                probe.alpha(1.0);
                 probe.drawn(None, None);
                 sum.add(whitted.shade_fragment(&fragment, probe), weight);
                 nodes.push(node.clone());

@@ -471,7 +471,10 @@ fn refine(
 
 /// The colour at a place of the picture where nothing is.
 fn around(zbuffer: &Zbuffer, place: [f64; 2]) -> Rgb {
-    let Zbuffer { world, camera, .. } = zbuffer;
+    let Zbuffer { world, camera, job, .. } = zbuffer;
+    if job.film.alpha {
+        return Rgb::BLACK;
+    }
     if world.environment.is_none() {
         return world.background;
     }

@@ -45,6 +45,9 @@ impl PathTracer<'_> {
             }
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
             let Some((met, _)) = self.meet(&path.segment, found, &mut ()) else {
+                if self.hides_background && path.depth == 1 {
+                    return background(Rgb::BLACK);
+                }
                 return background(as_albedo(path.throughput * self.environment(&path.segment, true, &mut ())));
             };
             let frame = Frame::new(met.line.direction, &met.surface);

@@ -120,6 +120,14 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         self.world
     }
 
+    fn hide_background(&mut self) {
+        self.hides_background = true;
+    }
+
+    fn alpha(&mut self, line: DRay) -> f32 {
+        1.0 - self.seen_through(line)
+    }
+
     #[inline]
     fn begin(&mut self, sample: Sample, time: f32) {
         Whitted::begin(self, sample, time);
