@@ -227,10 +227,10 @@ fn a_png_has_straight_alpha() {
 fn files_with_alpha_are_read_rightly() {
     let folder = Folder::new(SCENE);
     let flag = folder.render("--samples 4 --background none", "flag.png").image;
-    assert_eq!(folder.render("--samples 4 --set film.alpha=#true", "set.png").image, flag);
+    assert!(folder.render("--samples 4 --set film.alpha=#true", "set.png").image == flag);
     folder.says("info flag.png", 0, &["R, G, B, A", "alpha           true", "--background none"]);
     fs::write(folder.path("s.kdl"), format!("film {{ alpha #true }}\n{SCENE}")).unwrap();
-    assert_eq!(folder.render("--samples 4", "text.png").image, flag);
+    assert!(folder.render("--samples 4", "text.png").image == flag);
     let shown = folder.render("--samples 4 --background scene", "scene.png").image;
     assert!(shown.channel("A").is_none());
     // An EXR is multiplied by alpha, a PNG isn't. Both are one picture.
@@ -248,12 +248,12 @@ fn files_with_alpha_are_read_rightly() {
     let whole = rgba(&folder.picture("text.png"));
     assert!((0..240).all(|i| part[i] == whole[(i / 20 + 4) * 40 + i % 20 + 10]));
     folder.says("render s.kdl --samples 4 --frames 1-2 -o film.apng", 0, &[]);
-    assert_eq!(folder.picture("film.apng").image, flag);
+    folder.says("render s.kdl --samples 4 --frames 1-1 -o kept.#.png", 0, &[]);
+    assert!(folder.picture("film.apng").image == folder.picture("kept.1.png").image);
     folder.says("render s.kdl --frames 1-2 -o film.gif", 2, &["GIF has no alpha", "--background scene"]);
     folder.says("render s.kdl --samples 4 --aov alpha,depth -o layers.exr", 0, &[]);
     let layers = folder.picture("layers.exr").image;
     assert_eq!(layers.channel("alpha.A"), layers.channel("A"));
-    folder.says("render s.kdl --samples 4 --frames 1-1 -o kept.#.png", 0, &[]);
     folder.says("render s.kdl --samples 4 --frames 1-1 -o kept.#.png", 0, &["complete before"]);
 }
 
@@ -264,9 +264,9 @@ fn alpha_goes_on_and_is_denoised() {
         Folder::new(&format!("film {{ alpha #true }}\nintegrator \"path\" {{ max-depth 3 }}\n{SCENE}background 0.4\n"));
     folder.render("--samples 6 --threads 1", "begun.exr");
     let whole = folder.render("--samples 11 --tile 7", "whole.exr").image;
-    assert_eq!(folder.render("--samples 11 --continue begun.exr", "on.exr").image, whole);
+    assert!(folder.render("--samples 11 --continue begun.exr", "on.exr").image == whole);
     let png = folder.render("--samples 11", "a.png").image;
-    assert_eq!(folder.render("--samples 11 --continue begun.exr", "b.png").image, png);
+    assert!(folder.render("--samples 11 --continue begun.exr", "b.png").image == png);
     folder.says("render s.kdl -o no.exr --continue begun.exr --background scene", 3, &["its alpha is true, not none"]);
     let alpha = rgba(&folder.picture("whole.exr")).iter().map(|p| p[3]).collect::<Vec<f32>>();
     let denoised = rgba(&folder.render("--samples 8 --denoise", "clean.exr"));

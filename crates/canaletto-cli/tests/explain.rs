@@ -500,7 +500,7 @@ const EXPLAINED: [&str; 47] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set material.glass.eta=1.5",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --diff-set ambient=0.3",
     "paths.kdl -p 20,15",
-    "paths.kdl -p 20,15 --tone pbr-neutral",
+    "paths.kdl -p 20,15 --tone pbr-neutral --background none",
     "pane.kdl -p 4,4",
     "mixed.kdl -p 24,16 --tone agx",
     "paths.kdl -p 20,8",
