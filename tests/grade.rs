@@ -4,14 +4,20 @@
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::film::develop;
-use canaletto::grade::{Grade, Mistake, StudentPicture, Verdict, grade};
+use canaletto::grade::{Grade, Mistake, Remark, StudentPicture, Task, Verdict, grade};
+use canaletto::light::{Directional, Light, LightKind, Omni};
+use canaletto::material::Phong;
+use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
+use canaletto::scene::Content;
 use canaletto::scene::{Sampling, Scene, Stage};
+use canaletto::shape::{Shape, Sphere};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::text::read_scene;
 use canaletto_tests::student::{Planted, StudentTracer};
 use canaletto_tests::{clamped, root};
+use rayon::prelude::*;
 
 /// The size of all pictures.
 const SIZE: [u32; 2] = [80, 64];
@@ -22,6 +28,8 @@ const MIRROR: &str = "scenes/chapter/fig-5.26b-mirror.kdl";
 const GLASS: &str = "scenes/chapter/fig-5.27b-glass.kdl";
 const ROOM: &str = "tests/scenes/grade-room.kdl";
 const LAMP: &str = "tests/scenes/grade-lamp.kdl";
+const YARD: &str = "tests/scenes/grade-yard.kdl";
+const DESK: &str = "tests/scenes/grade-desk.kdl";
 
 fn scene(path: &str) -> Scene {
     let path = root().join(path);
@@ -38,7 +46,8 @@ fn job(scene: &Scene) -> Job {
 fn graded(scene: &Scene, pixels: Vec<[f32; 3]>, tolerance: f64) -> Grade {
     let [width, height] = SIZE;
     let student = StudentPicture { width, height, pixels, tolerance };
-    grade(&World::build(scene.clone()).unwrap(), &job(scene), &student, &()).unwrap()
+    let (world, job) = (World::build(scene.clone()).unwrap(), job(scene));
+    grade(Task { scene, view: &scene.views[0], world: &world, job: &job }, &student, &()).unwrap()
 }
 
 fn values(bytes: &[[u8; 3]]) -> Vec<[f32; 3]> {
@@ -57,6 +66,8 @@ enum Expected {
     Mistake(Mistake),
     /// A picture of an earlier stage.
     Stage(Stage),
+    /// A right picture with a remark.
+    Remark(Remark),
 }
 
 use Expected::Mistake as Wrong;
@@ -65,7 +76,7 @@ use Expected::Mistake as Wrong;
 const PLANTED: &[(&str, Stage, Planted, Expected)] = &[
     (BOX, Stage::Full, Planted::UpsideDown, Wrong(Mistake::UpsideDown)),
     (BOX, Stage::Full, Planted::ColumnsReversed, Wrong(Mistake::Mirrored)),
-    (BOX, Stage::Full, Planted::OtherPlace, Wrong(Mistake::RayPlace)),
+    (BOX, Stage::Full, Planted::OtherPlace, Expected::Remark(Remark::Centers)),
     (BOX, Stage::Full, Planted::TangentOfFovy, Wrong(Mistake::WholeAngle)),
     (BOX, Stage::Full, Planted::SquareWindow, Wrong(Mistake::SquareWindow)),
     (BOX, Stage::Full, Planted::LastObjectWins, Wrong(Mistake::NotNearest)),
@@ -115,11 +126,150 @@ const PLANTED: &[(&str, Stage, Planted, Expected)] = &[
     (GLASS, Stage::Full, Planted::NoTransparency, Wrong(Mistake::RefractionWithoutFactor)),
     (GLASS, Stage::Full, Planted::OpacityAsTransparency, Wrong(Mistake::OpacityReversed)),
     (GLASS, Stage::Full, Planted::OpacityBlend, Wrong(Mistake::BlendedRefraction)),
+    (BOX, Stage::Full, Planted::ColumnByColumn, Wrong(Mistake::Transposed)),
+    (BOX, Stage::Full, Planted::QuarterAngle, Wrong(Mistake::WholeAngle)),
+    (BOX, Stage::Full, Planted::InvertedAspect, Wrong(Mistake::SquareWindow)),
+    (ROOM, Stage::Full, Planted::GreenRedBlue, Wrong(Mistake::SwappedChannels)),
+    (BOX, Stage::Full, Planted::FarRootOfSpheres, Wrong(Mistake::NotNearest)),
+    (BOX, Stage::Full, Planted::AngleAsCosine, Wrong(Mistake::AngleForCosine)),
+    (BOX, Stage::Full, Planted::NormalTooLong, Wrong(Mistake::NormalNotNormalised)),
+    (BOX, Stage::Full, Planted::ConstantView, Wrong(Mistake::ConstantView)),
+    (ROOM, Stage::Full, Planted::HighlightTimesCosine, Wrong(Mistake::SpecularTimesCosine)),
+    (ROOM, Stage::Full, Planted::LastLight, Wrong(Mistake::FirstLightOnly)),
     // Unfinished programs with mistakes.
     (ROOM, Stage::Shadow, Planted::NoAmbient, Wrong(Mistake::NoAmbient)),
     (ROOM, Stage::Shadow, Planted::Blinn, Wrong(Mistake::HalfVector)),
     (GLASS, Stage::Diffuse, Planted::UpsideDown, Wrong(Mistake::UpsideDown)),
 ];
+
+/// Planted mistakes on scenes that the grader wasn't made with.
+const SECOND_HAND: &[(&str, Stage, Planted, Expected)] = &[
+    (YARD, Stage::Full, Planted::DegreesAsRadians, Wrong(Mistake::WholeAngle)),
+    (YARD, Stage::Full, Planted::FarRootOfSpheres, Wrong(Mistake::NotNearest)),
+    (DESK, Stage::Full, Planted::AngleAsCosine, Wrong(Mistake::AngleForCosine)),
+    (YARD, Stage::Full, Planted::SineAsCosine, Wrong(Mistake::AngleForCosine)),
+    (YARD, Stage::Full, Planted::NormalTooLong, Wrong(Mistake::NormalNotNormalised)),
+    (DESK, Stage::Full, Planted::ConstantView, Wrong(Mistake::ConstantView)),
+    (YARD, Stage::Full, Planted::ConstantView, Wrong(Mistake::ConstantView)),
+    (DESK, Stage::Full, Planted::ViewTooLong, Wrong(Mistake::ViewNotNormalised)),
+    (YARD, Stage::Full, Planted::HalfOfSum, Wrong(Mistake::HalfVector)),
+    (DESK, Stage::Full, Planted::Blinn, Wrong(Mistake::HalfVector)),
+    (DESK, Stage::Full, Planted::HighlightsWithoutIntensity, Wrong(Mistake::NoIntensity)),
+    (YARD, Stage::Full, Planted::ConstantLightVector, Wrong(Mistake::ConstantLightVector)),
+    (YARD, Stage::Full, Planted::NoFalloff, Wrong(Mistake::NoAttenuation)),
+    (YARD, Stage::Full, Planted::FalloffOfSquare, Wrong(Mistake::Falloff)),
+    (DESK, Stage::Full, Planted::LastLight, Wrong(Mistake::FirstLightOnly)),
+    (DESK, Stage::Full, Planted::EtaUpsideDown, Wrong(Mistake::EtaInverted)),
+    (YARD, Stage::Full, Planted::ExtraGamma, Wrong(Mistake::Gamma)),
+    (YARD, Stage::Full, Planted::NoAmbient, Wrong(Mistake::NoAmbient)),
+    (DESK, Stage::Full, Planted::NoShadows, Wrong(Mistake::NoShadows)),
+    (YARD, Stage::Full, Planted::BlueGreenRed, Wrong(Mistake::SwappedChannels)),
+    (YARD, Stage::Full, Planted::Acne, Wrong(Mistake::ShadowAcne)),
+    (DESK, Stage::Full, Planted::ReflectsInwards, Wrong(Mistake::ReflectedVector)),
+];
+
+/// A program whose scene has another number: the scene, what is different, the change, and the mistake's name.
+type Typed = (&'static str, &'static str, fn(&mut Scene), Mistake);
+
+/// Numbers that are typed otherwise, on scenes of the chapter.
+const TYPED: &[Typed] = &[
+    (BOX, "eye moved", |s| s.views[0].extrinsics.eye = [95.0, 48.0, 36.0].into(), Mistake::Eye),
+    (BOX, "eye's z negated", |s| s.views[0].extrinsics.eye.z *= -1.0, Mistake::Eye),
+    (BOX, "up along z", |s| s.views[0].extrinsics.up = [0.0, 0.0, 1.0].into(), Mistake::Up),
+    (BOX, "center moved", |s| s.views[0].extrinsics.center = [0.0, 15.0, -6.0].into(), Mistake::Center),
+    (BOX, "fovy 75", |s| s.views[0].intrinsics.fovy = 75.0, Mistake::Fovy),
+    (BOX, "light moved", |s| at(s, 0, [70.0, 100.0, 20.0]), Mistake::LightPosition),
+    (BOX, "light's y and z exchanged", |s| at(s, 0, [40.0, 0.0, 120.0]), Mistake::LightPosition),
+    (BOX, "ball moved", |s| sphere(s, "ball").center += glam::Vec3::new(6.0, -8.0, 4.0), Mistake::ObjectPosition),
+    (BOX, "diameter for radius", |s| sphere(s, "ball").radius *= 2.0, Mistake::ObjectSize),
+    (BOX, "radius 20", |s| sphere(s, "ball").radius = 20.0, Mistake::ObjectSize),
+    (BOX, "highlight doubled", |s| phong(s, "blue").ks = phong(s, "blue").ks * 2.0, Mistake::SpecularFactor),
+    (BOX, "ks halved", |s| phong(s, "blue").ks = phong(s, "blue").ks * 0.5, Mistake::SpecularFactor),
+    (BOX, "materials exchanged", |s| s.materials.swap(0, 1), Mistake::MaterialsExchanged),
+    (BOX, "light doubled", |s| light(s, 0).intensity = light(s, 0).intensity * 2.0, Mistake::LightIntensity),
+    (ROOM, "kd of the floor", |s| phong(s, "yellow").kd = Rgb::new(0.2, 0.5, 0.3), Mistake::DiffuseFactor),
+    (ROOM, "k doubled", |s| phong(s, "red").k = phong(s, "red").k * 2.0, Mistake::ReflectionFactor),
+    (ROOM, "ambient tripled", |s| s.ambient = s.ambient * 3.0, Mistake::AmbientFactor),
+    (BOX, "another background", |s| s.background = Rgb::new(0.1, 0.2, 0.5), Mistake::Background),
+    (ROOM, "ball missing", |s| s.nodes.retain(|n| n.name.as_deref() != Some("small ball")), Mistake::MissingObject),
+    (GLASS, "eta 1.5", |s| phong(s, "glass").eta = 1.5, Mistake::Eta),
+    (GLASS, "opacity 0.7", |s| phong(s, "glass").opacity = 0.7, Mistake::Opacity),
+];
+
+/// Numbers that are typed otherwise, on scenes that the grader wasn't made with.
+const TYPED_SECOND_HAND: &[Typed] = &[
+    (YARD, "eye moved", |s| s.views[0].extrinsics.eye = [3.1, 4.2, 9.5].into(), Mistake::Eye),
+    (DESK, "eye's x negated", |s| s.views[0].extrinsics.eye.x *= -1.0, Mistake::Eye),
+    (DESK, "up along x", |s| s.views[0].extrinsics.up = [1.0, 0.0, 0.0].into(), Mistake::Up),
+    (YARD, "fovy 60", |s| s.views[0].intrinsics.fovy = 60.0, Mistake::Fovy),
+    (YARD, "key moved", |s| at(s, 0, [3.0, 6.0, 8.0]), Mistake::LightPosition),
+    (DESK, "sun from the other side", |s| sun(s, [0.5, -1.0, -0.6]), Mistake::LightPosition),
+    (YARD, "large ball moved", |s| sphere(s, "large").center.z -= 1.3, Mistake::ObjectPosition),
+    (
+        YARD,
+        "small ball moved",
+        |s| sphere(s, "small").center += glam::Vec3::new(0.3, 0.4, 0.2),
+        Mistake::ObjectPosition,
+    ),
+    (DESK, "lens grown", |s| sphere(s, "lens").radius = 13.0, Mistake::ObjectSize),
+    (YARD, "radius of the mirror", |s| sphere(s, "mirror").radius = 0.9, Mistake::ObjectSize),
+    (YARD, "jade's highlight doubled", |s| phong(s, "jade").ks = phong(s, "jade").ks * 2.0, Mistake::SpecularFactor),
+    (DESK, "blue ball's ks halved", |s| phong(s, "ball").ks = phong(s, "ball").ks * 0.5, Mistake::SpecularFactor),
+    (YARD, "clay and jade exchanged", |s| s.materials.swap(0, 1), Mistake::MaterialsExchanged),
+    (DESK, "wood and sail exchanged", |s| s.materials.swap(0, 3), Mistake::MaterialsExchanged),
+    (YARD, "kd of the ground", |s| phong(s, "stone").kd = Rgb::new(0.3, 0.5, 0.7), Mistake::DiffuseFactor),
+    (DESK, "kd / pi", |s| divide_kd(s, std::f32::consts::PI), Mistake::DiffuseFactor),
+    (YARD, "fill halved", |s| light(s, 1).intensity = light(s, 1).intensity * 0.5, Mistake::LightIntensity),
+    (YARD, "no squared falloff", |s| (0..2).for_each(|i| light(s, i).attenuation[2] = 0.0), Mistake::Falloff),
+    (YARD, "n of jade", |s| phong(s, "jade").n = 25.0, Mistake::Exponent),
+    (YARD, "k of chrome", |s| phong(s, "chrome").k = Rgb::gray(0.9), Mistake::ReflectionFactor),
+    (DESK, "eta 1.2", |s| phong(s, "lens").eta = 1.2, Mistake::Eta),
+    (YARD, "block missing", |s| s.nodes.retain(|n| n.name.as_deref() != Some("block")), Mistake::MissingObject),
+    (DESK, "ambient halved", |s| s.ambient = s.ambient * 0.5, Mistake::AmbientFactor),
+    (YARD, "lights' intensities exchanged", exchange_lights, Mistake::LightsExchanged),
+];
+
+fn sphere<'a>(scene: &'a mut Scene, name: &str) -> &'a mut Sphere {
+    let node = scene.nodes.iter_mut().find(|node| node.name.as_deref() == Some(name)).unwrap();
+    match &mut node.content {
+        Content::Shape(Shape::Sphere(sphere)) => sphere,
+        other => panic!("{name} is {other:?}"),
+    }
+}
+
+fn phong<'a>(scene: &'a mut Scene, name: &str) -> &'a mut Phong {
+    scene.materials.iter_mut().find(|material| material.name == name).unwrap().model.phong_mut()
+}
+
+fn light(scene: &mut Scene, number: usize) -> &mut Light {
+    let lights = scene.nodes.iter_mut().filter_map(|node| match &mut node.content {
+        Content::Light(light) => Some(light),
+        _ => None,
+    });
+    lights.into_iter().nth(number).unwrap()
+}
+
+fn at(scene: &mut Scene, number: usize, position: [f32; 3]) {
+    light(scene, number).kind = LightKind::Omni(Omni::at(position.into()));
+}
+
+fn sun(scene: &mut Scene, towards: [f32; 3]) {
+    light(scene, 0).kind = LightKind::Directional(Directional { towards: towards.into(), beam: None });
+}
+
+fn divide_kd(scene: &mut Scene, by: f32) {
+    // The ambient term stays.
+    scene.ambient = scene.ambient * by;
+    scene.materials.iter_mut().for_each(|material| {
+        let phong = material.model.phong_mut();
+        phong.kd = phong.kd * (1.0 / by);
+    });
+}
+
+fn exchange_lights(scene: &mut Scene) {
+    let [first, second] = [0, 1].map(|i| light(scene, i).intensity);
+    (light(scene, 0).intensity, light(scene, 1).intensity) = (second, first);
+}
 
 fn words(grade: &Grade) -> String {
     match (grade.verdict, grade.mistake) {
@@ -143,32 +293,87 @@ fn spaced(planted: Planted) -> String {
     out
 }
 
+/// Whether a grade is as expected, and a row of the table.
+fn row(planted: &str, path: &str, stage: Stage, grade: &Grade, expected: Expected) -> (bool, String) {
+    let is_right = match expected {
+        Expected::Mistake(mistake) => grade.verdict == Verdict::Mistaken && grade.mistake == Some(mistake),
+        Expected::Stage(stage) => grade.verdict == Verdict::Unfinished && grade.stage == stage,
+        Expected::Remark(remark) => grade.verdict == Verdict::Right && grade.remarks == [remark],
+    };
+    let name = path.rsplit('/').next().unwrap().trim_end_matches(".kdl");
+    let sign = if is_right { "✓" } else { "" };
+    let row = format!("| {planted} | {name} | {} | {} | {sign} |\n", stage.name(), words(grade));
+    if !is_right {
+        let best: Vec<String> =
+            grade.hypotheses.iter().take(4).map(|h| format!("{:.4} {:?}", h.error, h.mistake)).collect();
+        println!("{planted} on {name}: {}; {best:?}; {:?}", words(grade), grade.finding.as_ref().map(|f| &f.words));
+    }
+    (is_right, row)
+}
+
+/// Grades every so many mistakes of a table. Returns how many are named, and the rows.
+fn named(planted: &[(&str, Stage, Planted, Expected)], typed: &[Typed], step: usize) -> (Vec<bool>, String) {
+    let planted = planted.par_iter().step_by(step).map(|(path, stage, planted, expected)| {
+        row(&spaced(*planted), path, *stage, &student(path, *stage, Some(*planted), 1), *expected)
+    });
+    let typed = typed.par_iter().step_by(step).map(|(path, label, change, mistake)| {
+        let own = scene(path);
+        let mut other = own.clone();
+        change(&mut other);
+        let picture = StudentTracer::new(&other, Stage::Full, None).picture(SIZE, 1);
+        row(label, path, Stage::Full, &graded(&own, values(&picture), StudentPicture::ROUNDED), Wrong(*mistake))
+    });
+    let rows: Vec<(bool, String)> = planted.chain(typed).collect();
+    rows.into_iter().unzip()
+}
+
+/// How many of the graded mistakes must be named.
+#[track_caller]
+fn holds(named: &[bool], share: f64) {
+    let count = named.iter().filter(|named| **named).count();
+    assert!(count as f64 >= share * named.len() as f64, "{count} of {}", named.len());
+}
+
+/// Some mistakes of the tables. The test of all takes longer.
 #[test]
 fn planted_mistakes_are_named() {
-    let mut table = String::from("| planted | scene | finished up to | named | |\n|---|---|---|---|---|\n");
-    let (mut named, mut wrong) = (0, Vec::new());
-    for (path, stage, planted, expected) in PLANTED {
-        let grade = student(path, *stage, Some(*planted), 1);
-        let right = match *expected {
-            Expected::Mistake(mistake) => grade.verdict == Verdict::Mistaken && grade.mistake == Some(mistake),
-            Expected::Stage(stage) => grade.verdict == Verdict::Unfinished && grade.stage == stage,
-        };
-        let name = path.rsplit('/').next().unwrap().trim_end_matches(".kdl");
-        let sign = if right { "✓" } else { "" };
-        table += &format!("| {} | {name} | {} | {} | {sign} |\n", spaced(*planted), stage.name(), words(&grade));
-        named += u32::from(right);
-        if !right {
-            let best: Vec<String> = grade
-                .hypotheses
-                .iter()
-                .take(4)
-                .map(|h| format!("{:.4} {} {:?}", h.error, h.stage.name(), h.mistake))
-                .collect();
-            wrong.push(format!("{planted:?} on {name}: {}; {best:?}", words(&grade)));
+    let (first, _) = named(PLANTED, TYPED, 5);
+    let (second, _) = named(SECOND_HAND, TYPED_SECOND_HAND, 6);
+    holds(&first, 0.9);
+    holds(&second, 0.8);
+}
+
+/// A lobe that is off by a factor is never right: a highlight doubled or halved, and a constant view vector.
+#[test]
+fn wrong_lobes_are_never_right() {
+    for path in [BOX, YARD, DESK] {
+        let own = scene(path);
+        for factor in [0.5, 2.0] {
+            let mut other = own.clone();
+            other.materials.iter_mut().for_each(|material| {
+                let phong = material.model.phong_mut();
+                phong.ks = phong.ks * factor;
+            });
+            let picture = StudentTracer::new(&other, Stage::Full, None).picture(SIZE, 1);
+            let grade = graded(&own, values(&picture), StudentPicture::ROUNDED);
+            assert_ne!(grade.verdict, Verdict::Right, "{path} {factor}: {:?}", grade.hypotheses);
         }
+        let grade = student(path, Stage::Full, Some(Planted::ConstantView), 1);
+        assert_ne!(grade.verdict, Verdict::Right, "{path}: {:?}", grade.hypotheses);
     }
-    println!("{table}{named} of {} named right\n{}", PLANTED.len(), wrong.join("\n"));
-    assert!(named as usize * 10 >= PLANTED.len() * 9, "{named} of {}", PLANTED.len());
+}
+
+/// All of them, and the table of the book's page (`CANALETTO_BLESS=1` writes it again).
+#[test]
+#[ignore = "takes a minute"]
+fn all_planted_mistakes_are_named() {
+    let (first, rows) = named(PLANTED, TYPED, 1);
+    let (second, more) = named(SECOND_HAND, TYPED_SECOND_HAND, 1);
+    let count = |named: &[bool]| format!("{} of {}", named.iter().filter(|named| **named).count(), named.len());
+    println!("{}, and {} on other scenes", count(&first), count(&second));
+    holds(&first, 0.9);
+    holds(&second, 0.85);
+    let table = format!("| planted | scene | finished up to | named | |\n|---|---|---|---|---|\n{rows}{more}");
     let page = root().join("docs/grade.md");
     let text = std::fs::read_to_string(&page).unwrap();
     let start = text.find("| planted |").expect("the page has the table");
@@ -183,11 +388,30 @@ fn planted_mistakes_are_named() {
 /// No right picture is accused: those of the student without mistakes, ours with any sampling, and noisy ones.
 #[test]
 fn right_pictures_are_right() {
-    for path in [BOX, SHADOW, MIRROR, GLASS, ROOM, LAMP] {
-        for rays in [1, 3] {
+    for path in [BOX, SHADOW, MIRROR, GLASS, ROOM, LAMP, YARD, DESK] {
+        for rays in [1, 2, 4] {
             let grade = student(path, Stage::Full, None, rays);
-            assert_eq!(grade.verdict, Verdict::Right, "{path} with {rays}: {:?}", grade.hypotheses);
+            assert_eq!(grade.verdict, Verdict::Right, "{path} with {rays}: {:?}", grade.regions);
         }
+    }
+    // Pictures by other filters: each pixel is a mean around it.
+    for path in [BOX, YARD] {
+        let scene = scene(path);
+        let sharp = values(&StudentTracer::new(&scene, Stage::Full, None).picture(SIZE, 4));
+        let [w, h] = SIZE.map(i64::from);
+        let at = |x: i64, y: i64| sharp[(y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize];
+        let filtered = |i: i64| {
+            let weighted = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [dx, dy]));
+            let mut sum = [0.0; 3];
+            for [dx, dy] in weighted {
+                let weight = (2 - i32::abs(dx as i32)) * (2 - i32::abs(dy as i32));
+                let c = at(i % w + dx, i / w + dy);
+                (0..3).for_each(|k| sum[k] += c[k] * weight as f32 / 16.0);
+            }
+            sum
+        };
+        let grade = graded(&scene, (0..w * h).map(filtered).collect(), StudentPicture::ROUNDED);
+        assert_eq!(grade.verdict, Verdict::Right, "{path} filtered: {:?}", grade.regions);
     }
     let textured = ["scenes/chapter/ladder.kdl", "scenes/chapter/fig-5.33a-replace.kdl", "scenes/still-life.kdl"];
     for path in textured.into_iter().chain([GLASS, "scenes/chapter/fig-5.25c-spot.kdl"]) {

@@ -1,6 +1,6 @@
 //! The ray tracer of a student, with mistakes that can be planted. It is written after the chapter's boxes and shares
 //! only the description of a scene with the library, so that the grader's own hypotheses are not its measure. It
-//! supports spheres, boxes and omni lights.
+//! supports spheres, boxes, planes, triangles, omni and directional lights.
 
 use canaletto::light::LightKind;
 use canaletto::material::Phong;
@@ -62,6 +62,27 @@ pub enum Planted {
     NoTransparency,
     OpacityAsTransparency,
     OpacityBlend,
+    Transposed,
+    ColumnByColumn,
+    GreenRedBlue,
+    QuarterAngle,
+    DegreesAsRadians,
+    InvertedAspect,
+    FarRootOfSpheres,
+    AngleAsCosine,
+    SineAsCosine,
+    NormalTooLong,
+    ConstantView,
+    ViewTooLong,
+    HalfOfSum,
+    HighlightTimesCosine,
+    HighlightsWithoutIntensity,
+    HighlightsInShadow,
+    ConstantLightVector,
+    LastLight,
+    NoFalloff,
+    FalloffOfSquare,
+    DepthOneLess,
 }
 
 /// The program for one scene.
@@ -70,13 +91,34 @@ pub struct StudentTracer<'a> {
     planted: Option<Planted>,
     stage: Stage,
     objects: Vec<(Shape, Phong)>,
-    lights: Vec<[DVec3; 2]>,
+    lights: Vec<Lamp>,
+}
+
+/// A light with its homogeneous position.
+struct Lamp {
+    position: DVec3,
+    w: f64,
+    intensity: DVec3,
+    attenuation: [f64; 3],
+}
+
+impl Lamp {
+    /// The vector from a point to the light, and what its light is divided by.
+    fn from(&self, p: DVec3, falloff: [f64; 3]) -> (DVec3, f64) {
+        if self.w == 0.0 {
+            return (self.position.normalize(), 1.0);
+        }
+        let l = self.position - p;
+        let d = l.length();
+        (l, falloff[0] + falloff[1] * d + falloff[2] * d * d)
+    }
 }
 
 struct Found {
     t: f64,
     p: DVec3,
     n: DVec3,
+    radius: f64,
     material: Phong,
 }
 
@@ -88,6 +130,9 @@ impl<'a> StudentTracer<'a> {
         if tracer.does(Planted::OneLight) {
             tracer.lights.truncate(1);
         }
+        if tracer.does(Planted::LastLight) {
+            tracer.lights.drain(..tracer.lights.len() - 1);
+        }
         tracer
     }
 
@@ -98,9 +143,16 @@ impl<'a> StudentTracer<'a> {
                 self.objects.push((*shape, *self.scene.materials[material].phong()));
             }
             Content::Light(light) => {
-                let LightKind::Omni(omni) = &light.kind else { panic!("the student knows omni lights only") };
-                let [x, y, z, _] = omni.position.map(f64::from);
-                self.lights.push([DVec3::new(x, y, z), color(light.intensity)]);
+                let (position, w) = match &light.kind {
+                    LightKind::Omni(omni) => {
+                        let [x, y, z, w] = omni.position.map(f64::from);
+                        (DVec3::new(x, y, z), w)
+                    }
+                    LightKind::Directional(sun) => (-sun.towards.as_dvec3(), 0.0),
+                    other => panic!("the student doesn't know {other:?}"),
+                };
+                let attenuation = light.attenuation.map(f64::from);
+                self.lights.push(Lamp { position, w, intensity: color(light.intensity), attenuation });
             }
             Content::Instance(index) => self.add(&self.scene.prototypes[*index as usize]),
             other => panic!("the student doesn't know {other:?}"),
@@ -122,8 +174,17 @@ impl<'a> StudentTracer<'a> {
                     let corner = self.scene.film.sampling == Sampling::Corner;
                     let place = if corner != self.does(Planted::OtherPlace) { 0.0 } else { 0.5 };
                     let spread = |k: u32| if rays == 1 { place } else { (f64::from(k) + 0.5) / f64::from(rays) };
-                    let y = if self.does(Planted::UpsideDown) { row } else { h - 1 - row };
-                    let x = if self.does(Planted::ColumnsReversed) { w - 1 - column } else { column };
+                    let (mut x, mut y) = (column, h - 1 - row);
+                    match self.planted {
+                        Some(Planted::UpsideDown) => y = row,
+                        Some(Planted::ColumnsReversed) => x = w - 1 - column,
+                        Some(Planted::Transposed) => (x, y) = (row, h - 1 - column),
+                        Some(Planted::ColumnByColumn) => {
+                            let number = row * w + column;
+                            (x, y) = (number / h, h - 1 - number % h);
+                        }
+                        _ => {}
+                    }
                     sum += self.ray([f64::from(x) + spread(i % rays), f64::from(y) + spread(i / rays)], [w, h]);
                 }
                 let mean = sum / f64::from(rays * rays);
@@ -141,16 +202,29 @@ impl<'a> StudentTracer<'a> {
             // Some programs round, some cut off; a byte keeps the lowest 8 bits.
             ((v * 255.0) as i64 & 255) as u8
         });
-        if self.does(Planted::BlueGreenRed) { [b, g, r] } else { [r, g, b] }
+        match self.planted {
+            Some(Planted::BlueGreenRed) => [b, g, r],
+            Some(Planted::GreenRedBlue) => [g, r, b],
+            _ => [r, g, b],
+        }
     }
 
     fn ray(&self, [x, y]: [f64; 2], [w, h]: [u32; 2]) -> DVec3 {
         let (i, e) = (&self.scene.views[0].intrinsics, &self.scene.views[0].extrinsics);
         let (w, h) = (f64::from(w), f64::from(h));
-        let angle = if self.does(Planted::TangentOfFovy) { i.fovy } else { i.fovy / 2.0 };
+        let angle = match self.planted {
+            Some(Planted::TangentOfFovy) => i.fovy.to_radians(),
+            Some(Planted::QuarterAngle) => i.fovy.to_radians() / 4.0,
+            Some(Planted::DegreesAsRadians) => i.fovy / 2.0,
+            _ => i.fovy.to_radians() / 2.0,
+        };
         let near = i.near.unwrap_or(canaletto::scene::Intrinsics::DEFAULT_NEAR);
-        let height = 2.0 * near * angle.to_radians().tan();
-        let base = if self.does(Planted::SquareWindow) { height } else { height * w / h };
+        let height = 2.0 * near * angle.tan();
+        let base = match self.planted {
+            Some(Planted::SquareWindow) => height,
+            Some(Planted::InvertedAspect) => height * h / w,
+            _ => height * w / h,
+        };
         let z = (e.eye - e.center).normalize();
         let x_e = e.up.cross(z).normalize();
         let y_e = z.cross(x_e);
@@ -180,30 +254,54 @@ impl<'a> StudentTracer<'a> {
             ambient = if self.does(Planted::AmbientWithoutKd) { ia } else { ia * kd };
         }
         let mut lit = DVec3::ZERO;
-        let mut r = 2.0 * n.dot(v) * n - v;
-        let mirrored = r;
+        let mirrored = 2.0 * n.dot(v) * n - v;
+        let e = &self.scene.views[0].extrinsics;
+        let long = if self.does(Planted::NormalTooLong) { n * found.radius } else { n };
+        let mut r = match self.planted {
+            Some(Planted::ConstantView) => {
+                let view = (e.eye - e.center).normalize();
+                2.0 * n.dot(view) * n - view
+            }
+            Some(Planted::ViewTooLong) => mirrored * (e.eye - p).length(),
+            _ => 2.0 * long.dot(v) * long - v,
+        };
         if self.does(Planted::MirrorSign) {
             r = v - 2.0 * n.dot(v) * n;
         }
-        for [position, intensity] in &self.lights {
-            let mut l = *position - p;
+        for lamp in &self.lights {
+            let falloff = match self.planted {
+                Some(Planted::NoFalloff) => [1.0, 0.0, 0.0],
+                Some(Planted::FalloffOfSquare) => [0.0, 0.0, 1.0],
+                _ => lamp.attenuation,
+            };
+            let (mut l, divisor) = lamp.from(p, falloff);
+            if self.does(Planted::ConstantLightVector) {
+                l = lamp.position;
+            }
             if !self.does(Planted::LongLightVector) {
                 l = l.normalize();
             }
             if self.does(Planted::LightVectorReversed) {
                 l = -l;
             }
-            let intensity = if self.does(Planted::NoIntensity) { DVec3::ONE } else { *intensity };
-            let n_dot_l = n.dot(l);
+            let intensity = if self.does(Planted::NoIntensity) { DVec3::ONE } else { lamp.intensity / divisor };
+            let n_dot_l = long.dot(l);
             let cosine = match self.planted {
+                Some(Planted::AngleAsCosine) if n_dot_l > 0.0 => n_dot_l.acos(),
+                Some(Planted::SineAsCosine) if n_dot_l > 0.0 => (1.0 - n_dot_l * n_dot_l).max(0.0).sqrt(),
                 Some(Planted::NoMax) => n_dot_l,
                 Some(Planted::AbsoluteValue) => n_dot_l.abs(),
                 _ => n_dot_l.max(0.0),
             };
-            let mut term = if self.does(Planted::NoDiffuse) { DVec3::ZERO } else { intensity * kd * cosine };
+            let term = if self.does(Planted::NoDiffuse) { DVec3::ZERO } else { intensity * kd * cosine };
+            let mut highlight = DVec3::ZERO;
             let may_shine = n_dot_l > 0.0 || self.does(Planted::EvenPower);
             if self.stage >= Stage::Specular && may_shine && !self.does(Planted::NoSpecular) {
-                let cosine = if self.does(Planted::Blinn) { n.dot((l + v).normalize()) } else { r.dot(l) };
+                let cosine = match self.planted {
+                    Some(Planted::Blinn) => n.dot((l + v).normalize()),
+                    Some(Planted::HalfOfSum) => n.dot((l + v) / 2.0),
+                    _ => r.dot(l),
+                };
                 let exponent = f64::from(m.n)
                     * match self.planted {
                         Some(Planted::ExponentDoubled) => 2.0,
@@ -213,21 +311,30 @@ impl<'a> StudentTracer<'a> {
                     };
                 let cosine = if self.does(Planted::EvenPower) { cosine } else { cosine.max(0.0) };
                 let ks = if self.does(Planted::HighlightTimesKd) { color(m.ks) * kd } else { color(m.ks) };
-                term += intensity * ks * cosine.powf(exponent);
+                highlight = match self.planted {
+                    Some(Planted::HighlightsWithoutIntensity) => DVec3::ONE,
+                    Some(Planted::HighlightTimesCosine) => intensity * n_dot_l,
+                    _ => intensity,
+                };
+                highlight *= ks * cosine.powf(exponent);
             }
             let looked_for = n_dot_l > 0.0 || !matches!(self.planted, Some(Planted::NoMax | Planted::AbsoluteValue));
             let mut f_s = 1.0;
             if self.stage >= Stage::Shadow && !self.does(Planted::NoShadows) && looked_for {
-                f_s = self.passed(p, n, *position);
+                f_s = self.passed(p, n, lamp);
             }
-            lit += term * f_s;
+            lit += term * f_s + highlight * if self.does(Planted::HighlightsInShadow) { 1.0 } else { f_s };
             if self.does(Planted::ShadowTakesAll) {
                 ambient *= f_s;
             }
         }
         let own = ambient + lit;
         let mut sum = own;
-        let deepest = if self.does(Planted::DepthTwo) { 2 } else { self.scene.integrator.max_depth() };
+        let deepest = match self.planted {
+            Some(Planted::DepthTwo) => 2,
+            Some(Planted::DepthOneLess) => self.scene.integrator.max_depth() - 1,
+            _ => self.scene.integrator.max_depth(),
+        };
         if depth >= deepest {
             return sum;
         }
@@ -237,7 +344,7 @@ impl<'a> StudentTracer<'a> {
                 Some(Planted::ReflectsOn) => (2.0 * n.dot(v) * n + v).normalize(),
                 Some(Planted::ReflectsInwards) => v - 2.0 * n.dot(v) * n,
                 Some(Planted::ReflectsLight) => {
-                    let l = (self.lights[0][0] - p).normalize();
+                    let l = self.lights[0].from(p, [1.0, 0.0, 0.0]).0.normalize();
                     2.0 * n.dot(l) * n - l
                 }
                 _ => mirrored,
@@ -276,17 +383,17 @@ impl<'a> StudentTracer<'a> {
     }
 
     /// f_s of the light at a position.
-    fn passed(&self, p: DVec3, n: DVec3, light: DVec3) -> f64 {
+    fn passed(&self, p: DVec3, n: DVec3, lamp: &Lamp) -> f64 {
         let mut start = p + n * 1e-6;
         if self.does(Planted::Acne) {
             // Programs with floats start at the rounded point.
             start = p.as_vec3().as_dvec3();
         }
-        let way = light - start;
+        let way = if lamp.w == 0.0 { lamp.position.normalize() } else { lamp.position - start };
         let mut passed = 1.0;
         for (shape, material) in &self.objects {
             for (t, _) in crossings(shape, start, way) {
-                if t > 0.0 && (t < 1.0 || self.does(Planted::BeyondLight)) {
+                if t > 0.0 && (t < 1.0 || lamp.w == 0.0 || self.does(Planted::BeyondLight)) {
                     let opacity = if self.does(Planted::GlassBlocks) { 1.0 } else { f64::from(material.opacity) };
                     passed *= 1.0 - opacity;
                 }
@@ -300,7 +407,8 @@ impl<'a> StudentTracer<'a> {
         for (shape, material) in &self.objects {
             let mut own: Option<(f64, DVec3)> = None;
             for (t, n) in crossings(shape, o, d).into_iter().filter(|(t, _)| *t > 0.0) {
-                let farther = self.does(Planted::FarthestWins);
+                let is_sphere = matches!(shape, Shape::Sphere(_));
+                let farther = self.does(Planted::FarthestWins) || is_sphere && self.does(Planted::FarRootOfSpheres);
                 if own.is_none_or(|(other, _)| if farther { t > other } else { t < other }) {
                     own = Some((t, n));
                 }
@@ -312,7 +420,8 @@ impl<'a> StudentTracer<'a> {
                 (Some(best), _) => t < best.t,
             };
             if wins {
-                best = Some(Found { t, p: o + d * t, n, material: *material });
+                let radius = if let Shape::Sphere(sphere) = shape { f64::from(sphere.radius) } else { 1.0 };
+                best = Some(Found { t, p: o + d * t, n, radius, material: *material });
             }
         }
         best
@@ -358,6 +467,20 @@ fn crossings(shape: &Shape, o: DVec3, d: DVec3) -> Vec<(f64, DVec3)> {
                 }
             }
             if near.0 <= far.0 { vec![near, far] } else { Vec::new() }
+        }
+        Shape::Plane(plane) => {
+            let n = plane.normal.as_dvec3().normalize();
+            let t = (plane.point.as_dvec3() - o).dot(n) / d.dot(n);
+            if t.is_finite() { vec![(t, n)] } else { Vec::new() }
+        }
+        Shape::Triangle(triangle) => {
+            let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(|p| p.as_dvec3());
+            let n = (b - a).cross(c - a).normalize();
+            let t = (a - o).dot(n) / d.dot(n);
+            let p = o + d * t;
+            let is_inside =
+                [[a, b], [b, c], [c, a]].iter().all(|[from, to]| (*to - *from).cross(p - *from).dot(n) >= 0.0);
+            if t.is_finite() && is_inside { vec![(t, n)] } else { Vec::new() }
         }
         other => panic!("the student doesn't know {other:?}"),
     }

@@ -41,7 +41,26 @@ fn pictures_are_graded() {
     says(&no_ambient, 4, &["has a mistake: no-ambient", "(5.33)", "pixel ", "canaletto explain scenes/chapter"]);
     says(&graded(&["--stage", "shadow"], &[]), 4, &["right up to the stage", "missing    full: refracted rays"]);
     says(&graded(&["--stage", "shadow"], &["--stage", "shadow"]), 0, &["is right"]);
-    says(&graded(&["--set", "material.yellow.kd=0 1 0"], &[]), 4, &["no known mistake explains it"]);
+    let both = ["--set", "camera.eye=60 90 10", "--set", "material.yellow.kd=0 1 0"];
+    says(&graded(&both, &[]), 4, &["no known mistake explains it", "wrong      ", " connected pixels of "]);
+    // A pattern is no mistake.
+    says(&graded(&["--pattern", "center"], &[]), 0, &["is right", "remark     rays go through the pixels' centres"]);
+    says(&graded(&["--transfer", "srgb"], &[]), 0, &["is right", "remark     the file declares another transfer"]);
+}
+
+/// The scene's own numbers are found by fits, and told with the object and the factor.
+#[test]
+fn numbers_are_found() {
+    let kd = graded(&["--set", "material.yellow.kd=0 1 0"], &[]);
+    says(&kd, 4, &["mistake: diffuse-colour", "of floor, wall", "kd is 0 1 0, not 0.7 0.7 0"]);
+    let ks = graded(&["--set", "material.glass.ks=2 2 2"], &[]);
+    says(&ks, 4, &["mistake: highlight-factor", "the highlights of ball are 2 times as bright as they should be"]);
+    let eye = graded(&["--set", "camera.eye=100 40 30"], &["--json"]);
+    says(&eye, 4, &[]);
+    let found: Value = serde_json::from_slice(&eye.stdout).unwrap();
+    assert_eq!(found["mistake"], "eye", "{found}");
+    assert_eq!(found["finding"]["found"], serde_json::json!([100.0, 40.0, 30.0]), "{found}");
+    assert!(!found["regions"].as_array().unwrap().is_empty(), "{found}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::tracer::TracerSettings;
 use crate::film::{Agx, PbrNeutral, Picture, metered_exposure, srgb_encode};
 use crate::math::Rgb;
 use crate::scene::{Developing, Exposure, Tone, Transfer};
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 
 /// The largest error of a pixel in steps of 8 bits. A pixel that is quite wrong counts no more than one that is wrong.
 const MOST: f64 = 40.0;
@@ -37,7 +37,7 @@ pub(super) fn displayed(colors: &[DVec3], developing: &Developing, settings: &Tr
         DVec3::from(linear.to_array().map(f64::from))
     };
     let overflows = settings.amount(Mistake::Overflow).is_some();
-    let swapped = settings.amount(Mistake::SwappedChannels).is_some();
+    let swapped = settings.amount(Mistake::SwappedChannels);
     let gamma = settings.amount(Mistake::Gamma);
     let value = |v: f64| {
         let v = if overflows { wrapped(v) } else { v.clamp(0.0, 1.0) };
@@ -53,7 +53,14 @@ pub(super) fn displayed(colors: &[DVec3], developing: &Developing, settings: &Tr
     let develop = |c: &DVec3| {
         let c = toned(*c * scale);
         let shown = DVec3::new(value(c.x), value(c.y), value(c.z));
-        if swapped { DVec3::new(shown.z, shown.y, shown.x) } else { shown }
+        match swapped {
+            None => shown,
+            Some(0.0) => shown.zyx(),
+            Some(1.0) => shown.yxz(),
+            Some(2.0) => shown.xzy(),
+            Some(3.0) => shown.yzx(),
+            Some(_) => shown.zxy(),
+        }
     };
     colors.iter().map(develop).collect()
 }
@@ -63,7 +70,7 @@ fn wrapped(v: f64) -> f64 {
     ((v * 255.0).floor().clamp(-1e9, 1e9) as i64).rem_euclid(256) as f64 / 255.0
 }
 
-fn srgb_decode(v: f64) -> f64 {
+pub(super) fn srgb_decode(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
 }
 

@@ -46,7 +46,7 @@ pub(super) fn own_error(
 }
 
 /// The mean of the pixels that are at most `radius` columns and rows away from each pixel.
-fn means(pixels: &[[f32; 3]], width: usize, radius: usize) -> Vec<DVec3> {
+pub(super) fn means(pixels: &[[f32; 3]], width: usize, radius: usize) -> Vec<DVec3> {
     let height = pixels.len() / width.max(1);
     let around = |at: usize, side: usize| at.saturating_sub(radius)..(at + radius + 1).min(side);
     let mean = |index: usize| {

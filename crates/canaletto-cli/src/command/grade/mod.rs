@@ -13,9 +13,10 @@ use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
 use crate::watched::watched;
 use canaletto::Named;
-use canaletto::grade::{Mistake, StudentPicture, Verdict, grade};
+use canaletto::grade::{Grade, Mistake, Remark, StudentPicture, Task, Verdict, grade};
 use canaletto::render::Job;
-use canaletto_io::picture::PictureFormat;
+use canaletto::scene::Transfer;
+use canaletto_io::picture::{PictureFormat, decode_srgb, encode_srgb};
 use clap::Args;
 use report::GradeReport;
 use std::path::{Path, PathBuf};
@@ -23,8 +24,9 @@ use std::path::{Path, PathBuf};
 /// Grades a picture of a scene that another ray tracer made: says what is missing or wrong, and which pixels tell.
 ///
 /// The picture is compared with each stage of the chapter, and with each stage rendered with one of the usual mistakes.
-/// The simplest hypothesis that explains it is printed. A mistake is named only if it explains the picture clearly
-/// better than no mistake. Edges are left out, so that anti-aliasing and rounding don't count.
+/// If none explains it, the scene's own numbers are fitted to it. The simplest hypothesis that explains it is printed. A
+/// mistake is named only if it explains the picture clearly better than no mistake. A picture is right if no connected
+/// region of an object differs. Edges may differ, so that anti-aliasing and rounding don't count.
 ///
 /// The scene is rendered in the size of the picture. Formats are PNG, PPM, JPEG, WebP, Radiance HDR and OpenEXR.
 #[derive(Args, Clone, Debug)]
@@ -56,9 +58,12 @@ Examples:
 
 fn long_help() -> String {
     let mistakes = Mistake::ALL.iter().map(|mistake| format!("  {:<26} {}\n", mistake.name(), mistake.meaning()));
+    let remarks = Remark::ALL.iter().map(|remark| format!("  {:<26} {}\n", remark.name(), remark.meaning()));
     format!(
-        "{EXAMPLES}\n\nThe exit code is 4 unless the picture is right.\n\nMistakes:\n{}",
-        mistakes.collect::<String>().trim_end()
+        "{EXAMPLES}\n\nThe exit code is 4 unless the picture is right.\n\nMistakes:\n{}\n\n\
+         Remarks, which are no mistakes:\n{}",
+        mistakes.collect::<String>().trim_end(),
+        remarks.collect::<String>().trim_end()
     )
 }
 
@@ -95,10 +100,31 @@ fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
     // Light is graded.
     job.film.alpha = false;
     let options = seen_through(&settings.camera, &scene, flags.source.build_options(0));
-    let (world, _) = build(&name, scene, &options, None)?;
+    let (world, _) = build(&name, scene.clone(), &options, None)?;
     let job = if is_metered(&job) { exposed(&job, meter(&name, &world, &job, None)?) } else { job };
+    let Some(own_view) = scene.views.iter().find(|view| view.name == settings.camera) else {
+        return Err(Failure::new(Exit::Scene, format!("{name} has no camera")));
+    };
+    let mut view = own_view.clone();
+    [view.intrinsics.width, view.intrinsics.height] = job.camera.size();
+    let task = Task { scene: &scene, view: &view, world: &world, job: &job };
+    let style = flags.messages.style();
+    let graded = |student: &StudentPicture| -> Result<Grade, Failure> {
+        watched(style, &name, "grading", &job, |watch| grade(task, student, watch))
+    };
     let student = student_picture(&flags.student, &input, &job)?;
-    let grade = watched(flags.messages.style(), &name, "grading", &job, |watch| grade(&world, &job, &student, watch))?;
+    let mut grade = graded(&student)?;
+    // A picture that is right by the curve that its file declares is right.
+    if grade.complete
+        && grade.verdict == Verdict::Mistaken
+        && let Some(other) = as_declared(&student, input.curve(), job.film.transfer)
+    {
+        let declared = graded(&other)?;
+        if declared.verdict != Verdict::Mistaken || declared.error < 0.5 * grade.error {
+            grade = declared;
+            grade.remarks.push(Remark::DeclaredCurve);
+        }
+    }
     if !grade.complete {
         return Err(Failure::new(Exit::Interrupted, "interrupted"));
     }
@@ -117,4 +143,14 @@ fn student_picture(path: &Path, input: &Input, job: &Job) -> Result<StudentPictu
         _ => StudentPicture::ROUNDED,
     };
     Ok(StudentPicture { width: image.width, height: image.height, pixels, tolerance })
+}
+
+/// The student's picture with the curve of the scene, if its file declares another one.
+fn as_declared(student: &StudentPicture, declared: Option<Transfer>, own: Transfer) -> Option<StudentPicture> {
+    let curve = match (declared?, own) {
+        (Transfer::Srgb, Transfer::None) => decode_srgb,
+        (Transfer::None, Transfer::Srgb) => encode_srgb,
+        _ => return None,
+    };
+    Some(StudentPicture { pixels: student.pixels.iter().map(|c| c.map(curve)).collect(), ..student.clone() })
 }

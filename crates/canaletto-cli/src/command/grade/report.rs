@@ -4,9 +4,10 @@ use super::GradeFlags;
 use crate::command::info::quoted;
 use crate::format::{JSON_VERSION, plural, short};
 use canaletto::Named;
-use canaletto::grade::{EvidencePixel, Grade, Hypothesis, Verdict};
+use canaletto::grade::{EvidencePixel, Grade, Hypothesis, Verdict, WrongRegion};
 use canaletto::scene::Stage;
 use serde_json::{Value, json};
+use std::cmp::Ordering;
 
 /// A grade with everything that its report needs.
 pub(super) struct GradeReport<'a> {
@@ -58,6 +59,13 @@ impl GradeReport<'_> {
                 );
             }
         }
+        if let Some(finding) = &grade.finding {
+            out += &format!("found      {}\n", finding.words);
+            out += &format!("look       {}\n", finding.look.trim_start_matches("look at "));
+        }
+        for remark in &grade.remarks {
+            out += &format!("remark     {}\n", remark.meaning());
+        }
         for mistake in &grade.also {
             out += &format!("or         {}: {}\n", mistake.name(), mistake.meaning());
         }
@@ -75,6 +83,12 @@ impl GradeReport<'_> {
         );
         if grade.verdict != Verdict::Right && !grade.left_out.is_empty() {
             out += &format!("left out   {}; mistakes may be missed\n", grade.left_out.join(", "));
+        }
+        for region in &grade.regions {
+            out += &format!("wrong      {}\n", region_words(region));
+        }
+        for region in &grade.left_over {
+            out += &format!("left over  {}\n", region_words(region));
         }
         for pixel in &grade.evidence {
             out += &format!("pixel      {}\n", pixel_words(pixel));
@@ -144,6 +158,17 @@ impl GradeReport<'_> {
             "mistake": grade.mistake.map(|mistake| mistake.name()),
             "also": grade.also.iter().map(|mistake| mistake.name()).collect::<Vec<_>>(),
             "meaning": grade.mistake.map(|mistake| mistake.meaning()),
+            "finding": grade.finding.as_ref().map(|finding| json!({
+                "subject": finding.subject,
+                "words": finding.words,
+                "look": finding.look,
+                "expected": finding.expected,
+                "found": finding.found,
+                "factor": finding.factor,
+            })),
+            "remarks": grade.remarks.iter().map(|remark| remark.name()).collect::<Vec<_>>(),
+            "regions": grade.regions.iter().map(region_json).collect::<Vec<_>>(),
+            "left_over": grade.left_over.iter().map(region_json).collect::<Vec<_>>(),
             "error": grade.error,
             "compared": grade.compared,
             "left_out": grade.left_out,
@@ -151,6 +176,31 @@ impl GradeReport<'_> {
             "hypotheses": hypotheses.collect::<Vec<_>>(),
         })
     }
+}
+
+fn region_json(region: &WrongRegion) -> Value {
+    json!({
+        "object": region.object,
+        "pixels": region.pixels,
+        "difference": region.difference,
+        "worst": region.worst,
+    })
+}
+
+/// Where and how a picture differs from the right one.
+fn region_words(region: &WrongRegion) -> String {
+    let object = region.object.as_deref().unwrap_or("the background");
+    let [r, g, b] = region.difference.map(|v| v.round());
+    let how = match (r + g + b).partial_cmp(&0.0) {
+        _ if r.abs().max(g.abs()).max(b.abs()) > 2.0 * (r + g + b).abs() => "of another colour",
+        Some(Ordering::Greater) => "too bright",
+        _ => "too dark",
+    };
+    let [x, y] = region.worst;
+    format!(
+        "{} of {object} are {how}: by {r} {g} {b} steps in the mean, most at {x},{y}",
+        plural(region.pixels as u64, "connected pixel")
+    )
 }
 
 fn byte(v: f32) -> f32 {

@@ -1,0 +1,320 @@
+//! Where a picture differs from a hypothesis: connected pixels of one object. A mean over all pixels would forgive a
+//! small highlight that is wrong.
+
+use super::display::srgb_decode;
+use super::finding::WrongRegion;
+use super::left_out::means;
+use super::seen::Seen;
+use super::tracer::{Tracer, TracerSettings};
+use super::{Grader, Guess, PLACES};
+use crate::scene::Transfer;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::cell::Cell;
+
+/// The most pixels of a picture that is searched.
+const MOST_PIXELS: usize = 2_000_000;
+/// The largest difference in steps of 8 bits of equal colours: rounding up or down.
+const ROUNDED: f64 = 1.6;
+/// As [`ROUNDED`], for means over pixels that were compressed with losses. Hues lose most.
+const COMPRESSED: f64 = 10.0;
+/// As [`ROUNDED`], for textures, which other programs filter otherwise.
+const TEXTURED: f64 = 12.0;
+/// The difference between neighbours in steps of 8 bits from which on other filters smear the colours around.
+const JUMP: f64 = 16.0;
+/// The share of a jump by which a filter may go beyond it.
+const OVERSHOOT: f64 = 0.15;
+/// The fewest pixels of a small highlight that no filter makes of its neighbours.
+const FEWEST_BEYOND: usize = 4;
+/// The most regions that are listed.
+const MOST_REGIONS: usize = 4;
+
+impl Grader<'_> {
+    /// The connected pixels of one object that differ from a hypothesis, the largest regions first. Thin lines don't
+    /// count, since edges depend on where exactly rays go.
+    pub(super) fn regions(&self, guess: &Guess<'_>) -> Vec<WrongRegion> {
+        let [_, _, width, height] = self.job.window();
+        let (w, h) = (width as usize, height as usize);
+        if w * h > MOST_PIXELS {
+            return Vec::new();
+        }
+        let seen = self.seen_of(guess);
+        let all: Vec<u32> = (0..width * height).collect();
+        let shown = self.shown_at(seen, guess.settings, &all, self.place, false);
+        let compressed = self.student.is_compressed();
+        let student: Vec<DVec3> = if compressed {
+            means(&self.student.pixels, w, 2)
+        } else {
+            self.student.pixels.iter().map(|c| DVec3::from(c.map(f64::from))).collect()
+        };
+        let around = |at: usize, by: usize, side: usize| at.saturating_sub(by)..(at + by + 1).min(side);
+        let range = |index: usize, by: usize| {
+            let mut range = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+            for y in around(index / w, by, h) {
+                for x in around(index % w, by, w) {
+                    range = [range[0].min(shown[y * w + x]), range[1].max(shown[y * w + x])];
+                }
+            }
+            range
+        };
+        let limit = if compressed { COMPRESSED } else { ROUNDED + 3.0 * self.noise() };
+        let beyond = |[low, high]: [DVec3; 2], index: usize, slack: f64| {
+            let v = student[index];
+            let slack = DVec3::splat(slack / 255.0);
+            let over = (v - high - slack).max(DVec3::ZERO) - (low - slack - v).max(DVec3::ZERO);
+            over * 255.0
+        };
+        let clear: Vec<bool> = if compressed {
+            let mut clear = vec![false; w * h];
+            self.student.compared().iter().for_each(|index| clear[*index as usize] = true);
+            clear
+        } else {
+            vec![true; w * h]
+        };
+        let differs = |index: &u32| {
+            let i = *index as usize;
+            let by = if compressed { 3 } else { 1 };
+            let own = range(i, by);
+            if !clear[i] || beyond(own, i, limit).abs().max_element() == 0.0 {
+                return None;
+            }
+            // Where colours jump nearby, filters smear.
+            let wide = range(i, by + 1);
+            let jump = (wide[1] - wide[0]).max_element() * 255.0;
+            let near = if jump > JUMP { wide } else { own };
+            let slack = limit + if jump > JUMP { OVERSHOOT * jump } else { 0.0 };
+            if beyond(near, i, slack).abs().max_element() == 0.0 {
+                return None;
+            }
+            Some(*index)
+        };
+        let mut wrong: Vec<u32> = all.par_iter().filter_map(differs).collect();
+        // What is smaller than a pixel shows at some of its places.
+        let places: Vec<(u32, [f64; 2])> =
+            wrong.iter().flat_map(|index| PLACES.iter().map(|place| (*index, *place))).collect();
+        let finer = self.displayed_at(seen, guess.settings, &places, false);
+        let still = |(i, index): (usize, &u32)| {
+            let own = range(*index as usize, 1);
+            let finer = &finer[i * PLACES.len()..(i + 1) * PLACES.len()];
+            let [low, high] = finer.iter().fold(own, |[low, high], v| [low.min(*v), high.max(*v)]);
+            (beyond([low, high], *index as usize, limit).abs().max_element() > 0.0).then_some(*index)
+        };
+        wrong = wrong.iter().enumerate().filter_map(still).collect();
+        let mut object = vec![u32::MAX; w * h];
+        for index in &wrong {
+            let hit = self.first_hit(seen, *index);
+            let (id, textured) = hit.map_or((0, seen.world().environment.is_some()), |hit| {
+                (seen.world().object_id(&hit), !seen.world().material(&hit).is_plain())
+            });
+            let slack = if textured { TEXTURED } else { 0.0 };
+            let i = *index as usize;
+            if beyond(range(i, 1), i, limit + slack).abs().max_element() > 0.0 {
+                object[i] = id;
+            }
+        }
+        let mut found = self.connected(seen, [&shown, &student], &object, &|region, is_own| {
+            // Thin lines are edges.
+            region.iter().any(|i| {
+                let (x, y) = ((*i % w) as i64, (*i / w) as i64);
+                (-1..=1).all(|dy| (-1..=1).all(|dx| is_own(x + dx, y + dy)))
+            })
+        });
+        if !compressed {
+            found.extend(self.highlights(seen, guess.settings, [&shown, &student], limit));
+        }
+        // The same pixels are told once.
+        let mut told: Vec<WrongRegion> = Vec::new();
+        found.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.worst.cmp(&b.worst)));
+        for region in found {
+            if told.iter().all(|other| other.worst != region.worst || other.object != region.object) {
+                told.push(region);
+            }
+        }
+        told.truncate(MOST_REGIONS);
+        told
+    }
+
+    /// The noise of the picture in steps of 8 bits: the median difference of a pixel from the mean of its neighbours,
+    /// less that by rounding. Some programs splat few samples with wide filters.
+    fn noise(&self) -> f64 {
+        const BY_ROUNDING: f64 = 0.6;
+        let [_, _, width, _] = self.job.window();
+        let steps = |i: usize| DVec3::from(self.student.pixels[i].map(|v| f64::from(v) * 255.0));
+        let is_inner = |i: usize| {
+            let column = i % width as usize;
+            column > 0 && column + 1 < width as usize && !self.edges[i]
+        };
+        let off = |i: usize| (steps(i) - (steps(i - 1) + steps(i + 1)) * 0.5).abs().max_element();
+        let mut all: Vec<f64> = (0..self.edges.len()).filter(|i| is_inner(*i)).map(off).filter(|v| *v > 0.0).collect();
+        if all.is_empty() {
+            return 0.0;
+        }
+        let middle = all.len() / 2;
+        let (_, median, _) = all.select_nth_unstable_by(middle, f64::total_cmp);
+        (*median - BY_ROUNDING).max(0.0)
+    }
+
+    /// Small highlights that are wrong. They lie where colours are smooth, and most of their pixels differ to one side.
+    /// Filters and other places of rays keep the sum of a highlight.
+    fn highlights(
+        &self,
+        seen: &Seen<'_>,
+        settings: TracerSettings,
+        [shown, student]: [&[DVec3]; 2],
+        limit: f64,
+    ) -> Vec<WrongRegion> {
+        let [_, _, width, height] = self.job.window();
+        let (w, h) = (width as usize, height as usize);
+        let met = self.met(seen, settings);
+        let (by, off) = if self.is_sharp { (1, 0.1) } else { (2, 0.5) };
+        let around = |at: usize, side: usize| at.saturating_sub(by)..(at + by + 1).min(side);
+        let is_smooth = |index: &u32| {
+            let i = *index as usize;
+            around(i / w, h).all(|y| around(i % w, w).all(|x| met[y * w + x] == met[i]))
+        };
+        let difference = |i: usize| (student[i] - shown[i]) * 255.0;
+        let pixels: Vec<u32> = (0..width * height)
+            .filter(|index| difference(*index as usize).abs().max_element() > limit)
+            .filter(is_smooth)
+            .collect();
+        let near = |place: &[f64; 2]| {
+            let middle = if self.is_sharp { self.place } else { [0.5; 2] };
+            [0, 1].map(|axis| middle[axis] + (place[axis] - 0.5) * 2.0 * off)
+        };
+        let places: Vec<(u32, [f64; 2])> =
+            pixels.iter().flat_map(|index| PLACES.iter().map(|place| (*index, near(place)))).collect();
+        let finer = self.displayed_at(seen, settings, &places, false);
+        let mut object = vec![u32::MAX; w * h];
+        for (n, index) in pixels.iter().enumerate() {
+            let i = *index as usize;
+            let finer = &finer[n * PLACES.len()..(n + 1) * PLACES.len()];
+            let [low, high] = finer.iter().fold([shown[i]; 2], |[low, high], v| [low.min(*v), high.max(*v)]);
+            let slack = DVec3::splat(limit / 255.0);
+            let is_beyond = (student[i].cmpgt(high + slack) | student[i].cmplt(low - slack)).any();
+            if let Some(hit) = self.first_hit(seen, *index)
+                && is_beyond
+                && seen.world().material(&hit).is_plain()
+            {
+                object[i] = seen.world().object_id(&hit);
+            }
+        }
+        let slack = DVec3::splat(limit / 255.0);
+        let is_beyond_neighbours = |i: usize| {
+            let mut range = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+            for y in (i / w).saturating_sub(1)..(i / w + 2).min(h) {
+                for x in (i % w).saturating_sub(1)..(i % w + 2).min(w) {
+                    range = [range[0].min(shown[y * w + x]), range[1].max(shown[y * w + x])];
+                }
+            }
+            (student[i].cmpgt(range[1] + slack) | student[i].cmplt(range[0] - slack)).any()
+        };
+        // Sums are those of light.
+        let is_curved = self.job.film.transfer == Transfer::Srgb;
+        let light = |v: DVec3| if is_curved { DVec3::from(v.to_array().map(srgb_decode)) } else { v };
+        self.connected(seen, [shown, student], &object, &|region, _| {
+            // A highlight that is smeared or moved by less than a pixel lies on both sides of the region.
+            let mut nearby: Vec<usize> = region.to_vec();
+            if !self.is_sharp {
+                for i in region {
+                    for y in (i / w).saturating_sub(3)..(i / w + 4).min(h) {
+                        nearby.extend(((i % w).saturating_sub(3)..(i % w + 4).min(w)).map(|x| y * w + x));
+                    }
+                }
+                nearby.sort_unstable();
+                nearby.dedup();
+                nearby.retain(|i| met[*i] == met[region[0]] && difference(*i).abs().max_element() > limit);
+            }
+            let (mut sum, mut all) = (DVec3::ZERO, DVec3::ZERO);
+            for i in &nearby {
+                let d = (light(student[*i]) - light(shown[*i])) * 255.0;
+                (sum, all) = (sum + d, all + d.abs());
+            }
+            let least = if region.len() > 1 { 12.0 } else { 40.0 };
+            let beyond = region.iter().filter(|i| is_beyond_neighbours(**i)).count();
+            let one_sided = (0..3).any(|c| sum[c].abs() >= least && sum[c].abs() >= 0.5 * all[c]);
+            one_sided || beyond >= FEWEST_BEYOND || self.is_sharp && all.max_element() >= least
+        })
+    }
+
+    /// Numbers of what the rays of all pixels meet.
+    pub(super) fn met(&self, seen: &Seen<'_>, settings: TracerSettings) -> Vec<u64> {
+        let [left, top, width, height] = self.job.window();
+        let rows = seen.camera.size()[1];
+        let number = |index: u32| {
+            let met = Cell::new(0);
+            let tracer = Tracer {
+                world: seen.world(),
+                camera: &seen.camera,
+                radii: &seen.radii,
+                settings,
+                all_blocked: false,
+                met: Some(&met),
+            };
+            let (x, y) = (left + index % width, rows - 1 - (top + index / width));
+            tracer.pixel(f64::from(x) + self.place[0], f64::from(y) + self.place[1]);
+            met.get()
+        };
+        (0..width * height).into_par_iter().with_min_len(64).map(number).collect()
+    }
+
+    /// The regions of equal numbers, but for [`u32::MAX`], that a rule takes. The rule is given the region's pixels, and
+    /// whether a column and a row have its number.
+    fn connected(
+        &self,
+        seen: &Seen<'_>,
+        [shown, student]: [&[DVec3]; 2],
+        object: &[u32],
+        takes: &dyn Fn(&[usize], &dyn Fn(i64, i64) -> bool) -> bool,
+    ) -> Vec<WrongRegion> {
+        let [left, top, width, height] = self.job.window();
+        let (w, h) = (width as usize, height as usize);
+        let mut done = vec![false; w * h];
+        let mut found = Vec::new();
+        let beside = |i: usize| {
+            let (x, y) = (i % w, i / w);
+            let left = (x > 0).then(|| i - 1);
+            let right = (x + 1 < w).then_some(i + 1);
+            let up = (y > 0).then(|| i - w);
+            let down = (y + 1 < h).then_some(i + w);
+            [left, right, up, down].into_iter().flatten()
+        };
+        for first in 0..w * h {
+            if object[first] == u32::MAX || done[first] {
+                continue;
+            }
+            let (mut region, mut next) = (Vec::new(), vec![first]);
+            done[first] = true;
+            while let Some(i) = next.pop() {
+                region.push(i);
+                for other in beside(i) {
+                    if !done[other] && object[other] == object[first] {
+                        done[other] = true;
+                        next.push(other);
+                    }
+                }
+            }
+            let id = object[first];
+            let is_own = |x: i64, y: i64| {
+                x >= 0 && y >= 0 && x < w as i64 && y < h as i64 && object[y as usize * w + x as usize] == id
+            };
+            if !takes(&region, &is_own) {
+                continue;
+            }
+            let difference = |i: usize| (student[i] - shown[i]) * 255.0;
+            let sum: DVec3 = region.iter().map(|i| difference(*i)).sum();
+            let worst = region.iter().copied().max_by(|a, b| {
+                let size = |i: usize| difference(i).abs().max_element();
+                size(*a).total_cmp(&size(*b)).then(b.cmp(a))
+            });
+            let worst = worst.unwrap_or(first);
+            let object = seen.world().object_with_id(id).map(|object| object.name.clone());
+            found.push(WrongRegion {
+                object,
+                pixels: region.len(),
+                difference: (sum / region.len() as f64).to_array(),
+                worst: [left + (worst % w) as u32, top + (worst / w) as u32],
+            });
+        }
+        found
+    }
+}
