@@ -242,11 +242,11 @@ fn phong<'a>(scene: &'a mut Scene, name: &str) -> &'a mut Phong {
 }
 
 fn light(scene: &mut Scene, number: usize) -> &mut Light {
-    let lights = scene.nodes.iter_mut().filter_map(|node| match &mut node.content {
+    let mut lights = scene.nodes.iter_mut().filter_map(|node| match &mut node.content {
         Content::Light(light) => Some(light),
         _ => None,
     });
-    lights.into_iter().nth(number).unwrap()
+    lights.nth(number).unwrap()
 }
 
 fn at(scene: &mut Scene, number: usize, position: [f32; 3]) {

@@ -248,8 +248,8 @@ impl Grader<'_> {
                 continue;
             }
             for (a, row) in normal.iter_mut().enumerate() {
-                for b in 0..count {
-                    row[b] += weight * columns[a][i].dot(columns[b][i]);
+                for (sum, other) in row.iter_mut().zip(columns) {
+                    *sum += weight * columns[a][i].dot(other[i]);
                 }
                 row[count] -= weight * columns[a][i].dot(*difference);
             }
@@ -329,17 +329,16 @@ pub(super) const FITTED: f64 = -1.0;
 fn solved(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let count = rows.len();
     for k in 0..count {
-        let pivot = (k..count).max_by(|a, b| rows[*a][k].abs().total_cmp(&rows[*b][k].abs()))?;
-        rows.swap(k, pivot);
-        if !(rows[k][k].abs() > 1e-300) {
+        let largest = (k..count).max_by(|a, b| rows[*a][k].abs().total_cmp(&rows[*b][k].abs()))?;
+        rows.swap(k, largest);
+        let pivot = rows[k].clone();
+        if pivot[k].is_nan() || pivot[k].abs() <= 1e-300 {
             return None;
         }
-        for i in 0..count {
+        for (i, row) in rows.iter_mut().enumerate() {
+            let f = row[k] / pivot[k];
             if i != k {
-                let f = rows[i][k] / rows[k][k];
-                for j in k..=count {
-                    rows[i][j] -= f * rows[k][j];
-                }
+                row.iter_mut().zip(&pivot).for_each(|(v, p)| *v -= f * p);
             }
         }
     }

@@ -315,6 +315,10 @@ pub(super) mod form {
     pub(in super::super) const ALONG_THE_AXIS: f64 = 0.0;
     /// v leads from the origin to the eye.
     pub(in super::super) const FROM_THE_ORIGIN: f64 = 1.0;
+    /// v is the z axis.
+    pub(in super::super) const ALONG_Z: f64 = 2.0;
+    /// Half of 1 + n·L.
+    pub(in super::super) const HALF_OF_COSINE: f64 = 5.0;
     /// The vector half-way is divided by its length.
     pub(in super::super) const UNIT_HALF: f64 = 0.0;
     /// Half of L + v.
@@ -379,10 +383,15 @@ impl Mistake {
             Mistake::Transposed => {
                 &[form::EXCHANGED, form::COLUMN_BY_COLUMN, form::TURNED_LEFT, form::TURNED_RIGHT, form::TURNED_AROUND]
             }
-            Mistake::AngleForCosine => {
-                &[form::ANGLE, form::FALLING_ANGLE, form::SINE, form::ANGLE_IN_BOTH, form::COSINE_OF_COSINE]
-            }
-            Mistake::ConstantView => &[form::ALONG_THE_AXIS, form::FROM_THE_ORIGIN],
+            Mistake::AngleForCosine => &[
+                form::ANGLE,
+                form::FALLING_ANGLE,
+                form::SINE,
+                form::ANGLE_IN_BOTH,
+                form::COSINE_OF_COSINE,
+                form::HALF_OF_COSINE,
+            ],
+            Mistake::ConstantView => &[form::ALONG_THE_AXIS, form::FROM_THE_ORIGIN, form::ALONG_Z],
             Mistake::HalfVector => &[form::UNIT_HALF, form::HALF_OF_SUM, form::WHOLE_SUM],
             Mistake::NoIntensity => &[form::EVERYWHERE, form::IN_HIGHLIGHTS],
             Mistake::FirstLightOnly => &[form::FIRST_LIGHT, form::LAST_LIGHT],

@@ -412,7 +412,7 @@ impl Grader<'_> {
             mistaken = rest;
         }
         let stages_error = guesses[nearest].error;
-        let is_found = mistaken.first().is_some_and(|best| best.error <= (0.02 * stages_error).max(NOTHING));
+        let is_found = mistaken.first().is_some_and(|best| best.error <= self.found_below(stages_error));
         guesses.extend(mistaken);
         guesses.extend(self.acne(&stages));
         if !is_found && self.left_out.is_empty() {
@@ -433,6 +433,16 @@ impl Grader<'_> {
         error <= if self.student.is_compressed() { 0.2 } else { 0.1 }
     }
 
+    /// The error of a mistake below which no number of the scene is looked at. `without` is that without a mistake.
+    fn found_below(&self, without: f64) -> f64 {
+        if self.is_sharp { self.nothing() } else { (0.02 * without).max(NOTHING) }
+    }
+
+    /// The mean error that is as good as none.
+    fn nothing(&self) -> f64 {
+        if self.is_sharp { 0.1 * NOTHING } else { NOTHING }
+    }
+
     /// Whether an error is small enough for a right picture in which no region is wrong. Filters differ at edges.
     fn may_be_right(&self, error: f64) -> bool {
         if self.is_sharp { self.is_small(error) } else { error <= 0.5 }
@@ -451,7 +461,8 @@ impl Grader<'_> {
         };
         let best_of = |is_candidate: &dyn Fn(&Guess<'_>) -> bool| {
             let least = guesses.iter().filter(|guess| is_candidate(guess)).map(|g| g.error).fold(f64::MAX, f64::min);
-            let as_good = guesses.iter().filter(|guess| is_candidate(guess) && guess.error <= 1.2 * least + NOTHING);
+            let as_good =
+                guesses.iter().filter(|guess| is_candidate(guess) && guess.error <= 1.2 * least + self.nothing());
             as_good.min_by(|a, b| simplicity(a).cmp(&simplicity(b)).then(a.error.total_cmp(&b.error))).cloned()
         };
         let without = match &regions {
@@ -483,9 +494,9 @@ impl Grader<'_> {
         };
         let mut also = Vec::new();
         if verdict == Verdict::Mistaken {
-            let equals = guesses
-                .iter()
-                .filter(|guess| guess.error <= chosen.error + NOTHING && simplicity(guess).2 <= simplicity(&chosen).2);
+            let equals = guesses.iter().filter(|guess| {
+                guess.error <= chosen.error + self.nothing() && simplicity(guess).2 <= simplicity(&chosen).2
+            });
             let mistakes = equals.filter_map(|guess| Some(guess.settings.mistake?.0));
             for mistake in mistakes.filter(|mistake| Some(*mistake) != chosen.settings.mistake.map(|(own, _)| own)) {
                 if !also.contains(&mistake) {

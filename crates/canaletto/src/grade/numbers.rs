@@ -205,10 +205,11 @@ impl Subject<'_> {
                     Opacity => vec![f64::from(phong.opacity)],
                 }
             }
-            Number::NoLight(_) | Number::LightsExchanged(..) | Number::NoObject(_) | Number::Exchanged(..) => {
-                Vec::new()
-            }
-            Number::Assigned(..) => Vec::new(),
+            Number::NoLight(_)
+            | Number::LightsExchanged(..)
+            | Number::NoObject(_)
+            | Number::Exchanged(..)
+            | Number::Assigned(..) => Vec::new(),
         }
     }
 

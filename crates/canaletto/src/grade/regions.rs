@@ -257,8 +257,8 @@ impl Grader<'_> {
         (0..width * height).into_par_iter().with_min_len(64).map(number).collect()
     }
 
-    /// The regions of equal numbers, but for [`u32::MAX`], that a rule takes. The rule is given the region's pixels, and
-    /// whether a column and a row have its number.
+    /// The regions of equal numbers, but for [`u32::MAX`], that a rule takes. The rule is given the region's pixels,
+    /// and whether a column and a row have its number.
     fn connected(
         &self,
         seen: &Seen<'_>,

@@ -379,6 +379,7 @@ impl Tracer<'_> {
             Some((Mistake::MissingMax, _)) => cosine,
             Some((Mistake::AbsoluteCosine, _)) => cosine.abs(),
             _ if behind => 0.0,
+            Some((Mistake::AngleForCosine, form::HALF_OF_COSINE)) => (0.5 + 0.5 * cosine).max(0.0),
             Some((Mistake::AngleForCosine, form::FALLING_ANGLE)) => angle_share(cosine),
             Some((Mistake::AngleForCosine, form::SINE)) if before => libm::sqrt((1.0 - cosine * cosine).max(0.0)),
             Some((Mistake::AngleForCosine, form::COSINE_OF_COSINE)) => libm::cos(cosine.max(0.0)),
@@ -396,6 +397,7 @@ impl Tracer<'_> {
                 Some((Mistake::ConstantView, form::FROM_THE_ORIGIN)) => {
                     reflect((self.camera.eye() - self.zero()).normalize_or(place.wo), place.n)
                 }
+                Some((Mistake::ConstantView, form::ALONG_Z)) => reflect(DVec3::Z, place.n),
                 Some((Mistake::ConstantView, _)) => reflect(self.camera.axes()[2], place.n),
                 Some((Mistake::ViewNotNormalised, _)) => place.r * (self.camera.eye() - place.surface.exact).length(),
                 Some((Mistake::ViewReversed, _)) => reflect(-place.wo, place.n),
