@@ -373,7 +373,7 @@ impl Grader<'_> {
             guesses.sort_by(|a, b| a.error.total_cmp(&b.error));
             return self.verdict(guesses, &context, Some(Vec::new()));
         }
-        if self.may_be_right(guesses[nearest].error) {
+        if self.is_small(guesses[nearest].error) {
             let regions = self.regions(&guesses[nearest]);
             if regions.is_empty() && !(self.is_sharp && guesses[nearest].error > SHARP_ERROR) {
                 let own = guesses.remove(nearest);
@@ -445,7 +445,7 @@ impl Grader<'_> {
 
     /// Whether an error is small enough for a right picture in which no region is wrong. Filters differ at edges.
     fn may_be_right(&self, error: f64) -> bool {
-        if self.is_sharp { self.is_small(error) } else { error <= 0.5 }
+        self.is_small(error) || !self.is_sharp && error <= 0.5
     }
 
     /// The grade by the hypotheses, the best first. `regions` are those in which the best stage without a mistake is
@@ -481,10 +481,11 @@ impl Grader<'_> {
             let share = if best.fitted.is_some() { 0.3 } else { 0.4 };
             best.error <= share * without.error && without.error - best.error >= least_gain
         };
-        // A picture of one ray for each pixel has next to no error if it is right.
-        let is_doubtful = |best: &Guess<'_>| {
-            self.is_sharp && without.error > SHARP_ERROR && best.error <= 0.1 * without.error && !is_faultless
-        };
+        // A picture of one ray for each pixel has next to no error if it is right. Edges by other filters have some, but
+        // no mistake explains them.
+        let doubted = if self.is_sharp { SHARP_ERROR } else { 0.1 };
+        let is_doubtful =
+            |best: &Guess<'_>| without.error > doubted && best.error <= 0.1 * without.error && !is_faultless;
         let mistaken = best.filter(|best| explains(best) && (!is_right || is_doubtful(best)));
         let (verdict, chosen) = match mistaken {
             Some(best) => (Verdict::Mistaken, best),

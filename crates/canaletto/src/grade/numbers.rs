@@ -751,7 +751,8 @@ fn values(c: Rgb) -> Vec<f64> {
 }
 
 fn color(x: &[f64]) -> Option<Rgb> {
-    x.iter().all(|v| *v >= 0.0).then(|| Rgb::new(x[0] as f32, x[1] as f32, x[2] as f32))
+    let [r, g, b] = [0, 1, 2].map(|i| x[i].max(0.0) as f32);
+    (x.len() == 3).then(|| Rgb::new(r, g, b))
 }
 
 /// The factor between two lists of numbers, if it is one for all of them.
