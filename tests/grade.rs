@@ -394,25 +394,6 @@ fn right_pictures_are_right() {
             assert_eq!(grade.verdict, Verdict::Right, "{path} with {rays}: {:?}", grade.regions);
         }
     }
-    // Pictures by other filters: each pixel is a mean around it.
-    for path in [BOX, YARD] {
-        let scene = scene(path);
-        let sharp = values(&StudentTracer::new(&scene, Stage::Full, None).picture(SIZE, 4));
-        let [w, h] = SIZE.map(i64::from);
-        let at = |x: i64, y: i64| sharp[(y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize];
-        let filtered = |i: i64| {
-            let weighted = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [dx, dy]));
-            let mut sum = [0.0; 3];
-            for [dx, dy] in weighted {
-                let weight = (2 - i32::abs(dx as i32)) * (2 - i32::abs(dy as i32));
-                let c = at(i % w + dx, i / w + dy);
-                (0..3).for_each(|k| sum[k] += c[k] * weight as f32 / 16.0);
-            }
-            sum
-        };
-        let grade = graded(&scene, (0..w * h).map(filtered).collect(), StudentPicture::ROUNDED);
-        assert_eq!(grade.verdict, Verdict::Right, "{path} filtered: {:?}", grade.regions);
-    }
     let textured = ["scenes/chapter/ladder.kdl", "scenes/chapter/fig-5.33a-replace.kdl", "scenes/still-life.kdl"];
     for path in textured.into_iter().chain([GLASS, "scenes/chapter/fig-5.25c-spot.kdl"]) {
         let mut scene = scene(path);
