@@ -2,10 +2,10 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::format::duration;
+use crate::format::{count, duration};
 use crate::interrupt;
 use canaletto::Named;
-use canaletto::denoise::{DenoiseQuality, DenoisedPicture, NoisyPicture, denoise};
+use canaletto::denoise::{DenoiseQuality, DenoisedPicture, FilledPixels, NoisyPicture, denoise};
 use canaletto::film::Picture;
 use canaletto::math::Rgb;
 use canaletto::render::{Aov, Job};
@@ -100,6 +100,7 @@ fn load_oidn() -> Result<Oidn, Failure> {
 /// Denoises a picture by Open Image Denoise.
 fn by_oidn(picture: &NoisyPicture) -> Result<DenoisedPicture, Failure> {
     let oidn = load_oidn()?;
+    let (picture, filled) = picture.repaired();
     let color: Vec<[f32; 3]> = picture.color.iter().map(|c| c.to_array()).collect();
     let albedo = picture.albedo.as_deref();
     let denoised = oidn.denoise(
@@ -113,7 +114,9 @@ fn by_oidn(picture: &NoisyPicture) -> Result<DenoisedPicture, Failure> {
         u32::try_from(rayon::current_num_threads()).unwrap_or(0),
     );
     let color = denoised.map_err(|e| Failure::new(Exit::Failed, e))?.into_iter().map(Rgb::from).collect();
-    Ok(DenoisedPicture::by_another("oidn", color))
+    let mut denoised = DenoisedPicture::by_another("oidn", color);
+    denoised.filled = filled;
+    Ok(denoised)
 }
 
 /// The names of the layers of the two halves of the samples.
@@ -144,20 +147,23 @@ pub(crate) fn blacken_uncovered(colors: &mut [Rgb], alpha: &[f32]) {
     }
 }
 
-/// A rendered picture with the layers that it has.
-pub(crate) fn of_rendering(picture: &Picture) -> NoisyPicture {
-    let layer = |name: &str| picture.layer(name).map(|layer| layer.data.as_slice());
-    let triples = |name: &str| layer(name).map(|data| data.as_chunks::<3>().0.to_vec());
-    let colors = |name: &str| Some(triples(name)?.into_iter().map(Rgb::from).collect());
-    NoisyPicture {
-        width: picture.width,
-        height: picture.height,
-        color: picture.pixels.clone(),
-        halves: halves(HALVES.map(colors)),
-        albedo: triples(Aov::DenoisingAlbedo.name()),
-        normal: triples(Aov::DenoisingNormal.name()),
-        depth: layer(Aov::DenoisingDepth.name()).map(<[f32]>::to_vec),
-    }
+/// A rendered picture with the layers that it has. Those that aren't among `kept` are moved, so that they take memory
+/// once.
+pub(crate) fn of_rendering(picture: &mut Picture, kept: &[Aov]) -> NoisyPicture {
+    let mut layer = |name: &str| {
+        let index = picture.layers.iter().position(|layer| layer.name == name)?;
+        match kept.iter().any(|aov| aov.name() == name) {
+            true => Some(picture.layers[index].data.clone()),
+            false => Some(picture.layers.remove(index).data),
+        }
+    };
+    let mut triples = |name: &str| layer(name).map(|data| data.as_chunks::<3>().0.to_vec());
+    let colors = |values: Option<Vec<[f32; 3]>>| Some(values?.into_iter().map(Rgb::from).collect());
+    let own_halves = halves(HALVES.map(|name| colors(triples(name))));
+    let [albedo, normal] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal].map(|aov| triples(aov.name()));
+    let depth = layer(Aov::DenoisingDepth.name());
+    let (width, height, color) = (picture.width, picture.height, picture.pixels.clone());
+    NoisyPicture { width, height, color, halves: own_halves, albedo, normal, depth }
 }
 
 /// The halves of a picture's samples, if they tell its noise. A single sample is in both, so that they are equal.
@@ -213,13 +219,71 @@ pub(crate) fn told(denoised: &DenoisedPicture, time: Duration) -> String {
     let percent = |share: f64| format!("{:.0}%", share * 100.0);
     let filters: Vec<String> =
         denoised.filters.iter().map(|(name, share)| format!("{name} {}", percent(*share))).collect();
-    let lost = match denoised.lost_light {
-        0.0 => String::new(),
-        share => format!(", but for {:.2}% that would show", share * 100.0),
+    format!("denoised in {}: {}{}", duration(time), filters.join(", "), outliers_told(denoised))
+}
+
+/// What became of the light of outliers, in words.
+fn outliers_told(denoised: &DenoisedPicture) -> String {
+    let [all, lost] = [denoised.outlier_light, denoised.lost_light];
+    let percent = |share: f64| match share * 100.0 {
+        small if small < 0.01 => "less than 0.01%".to_owned(),
+        some if some < 1.0 => format!("{some:.2}%"),
+        much => format!("{much:.1}%"),
     };
-    let outliers = match denoised.outlier_light {
-        0.0 => String::new(),
-        share => format!("; {:.2}% of the light was in outliers and is spread around them{lost}", share * 100.0),
+    if all <= 0.0 {
+        return String::new();
+    }
+    let spread = format!("; single bright samples held {} of the light", percent(all));
+    if lost <= 0.0 {
+        return format!("{spread}, which is spread evenly around them");
+    }
+    let rest = match all - lost {
+        rest if rest > 0.0 => format!("{} is spread around them, and ", percent(rest)),
+        _ => String::new(),
     };
-    format!("denoised in {}: {}{outliers}", duration(time), filters.join(", "))
+    format!("{spread}: {rest}{} is left out, since it would show as blotches; more samples keep it", percent(lost))
+}
+
+/// A warning of pixels that were filled; None if none were.
+pub(crate) fn filled_told(filled: FilledPixels) -> Option<String> {
+    let colors = match filled.colors {
+        0 => None,
+        1 => Some("1 pixel was no light (not a number, infinite or negative)".to_owned()),
+        n => Some(format!("{} pixels were no light (not a number, infinite or negative)", count(n))),
+    };
+    let features = match filled.features {
+        0 => None,
+        1 => Some("1 pixel had an albedo, normal or depth that isn't a number".to_owned()),
+        n => Some(format!("{} pixels had an albedo, normal or depth that isn't a number", count(n))),
+    };
+    let parts: Vec<String> = colors.into_iter().chain(features).collect();
+    (!parts.is_empty()).then(|| format!("{}; what surrounds them was taken instead", parts.join(", and ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_of_outliers_is_told_in_words() {
+        let mut denoised = DenoisedPicture::by_another("wavelets", Vec::new());
+        let told = |denoised: &DenoisedPicture| told(denoised, Duration::from_secs(2));
+        assert_eq!(told(&denoised), "denoised in 2.0 s: wavelets 100%");
+        denoised.outlier_light = 0.0652;
+        let start = "denoised in 2.0 s: wavelets 100%; single bright samples held 6.5% of the light";
+        assert_eq!(told(&denoised), format!("{start}, which is spread evenly around them"));
+        (denoised.outlier_light, denoised.lost_light) = (0.2883, 0.2211);
+        let rest = "22.1% is left out, since it would show as blotches; more samples keep it";
+        assert_eq!(
+            told(&denoised),
+            format!("{}: 6.7% is spread around them, and {rest}", start.replace("6.5", "28.8"))
+        );
+    }
+
+    #[test]
+    fn filled_pixels_are_told() {
+        assert_eq!(filled_told(FilledPixels::default()), None);
+        let told = filled_told(FilledPixels { colors: 1, features: 2000 }).unwrap_or_default();
+        assert!(told.starts_with("1 pixel was no light") && told.contains("and 2,000 pixels had an albedo"), "{told}");
+    }
 }

@@ -25,6 +25,7 @@ mod legend;
 mod manual;
 mod memory;
 mod metering;
+mod noise_outlook;
 mod omissions;
 mod output;
 mod output_format;

@@ -4,8 +4,9 @@
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::format::{count, plural};
+use crate::format::{count, duration, plural};
 use crate::interrupt;
+use crate::noise_outlook::Outlook;
 use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
@@ -14,9 +15,10 @@ use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{Integrator, SamplerKind, Sampling};
+use canaletto::world::World;
 use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -282,6 +284,27 @@ pub(crate) fn sample_warnings(statistics: &SampleStatistics, job: &Job, is_compl
     warnings
 }
 
+/// What a picture that missed the noise it was asked for, or was stopped, tells of its noise: how long it would have
+/// taken, after `seconds` of rendering, where the noise is, and what a clamp would take away.
+pub(crate) fn noise_left(
+    rendering: &Rendering,
+    outlook: OutlookTime<'_>,
+    seconds: f64,
+) -> Option<(Vec<String>, Value)> {
+    let OutlookTime { world, job, made_before, .. } = outlook;
+    let statistics = rendering.statistics.as_ref()?;
+    let asked = job.noise.zip(statistics.noise);
+    let has_missed = asked.is_some_and(|(asked, noise)| noise.is_nan() || noise > asked);
+    if rendering.complete && !has_missed {
+        return None;
+    }
+    let outlook = Outlook::new(statistics.outlook.clone()?, asked, world, job);
+    let seconds_left = outlook.seconds_left(seconds, made_before);
+    let mut lines: Vec<String> = seconds_left.map(|left| outlook.time_words(left)).into_iter().collect();
+    lines.extend(outlook.noise_words());
+    Some((lines, outlook.json()))
+}
+
 /// The observer of a render that may be made in passes.
 pub(crate) struct PassObserver<'a> {
     display: &'a ProgressDisplay,
@@ -291,7 +314,32 @@ pub(crate) struct PassObserver<'a> {
     noise: Option<f32>,
     preview: Option<PreviewFile<'a>>,
     is_quiet: bool,
+    outlook: OutlookTime<'a>,
     state: Mutex<PassTimes>,
+}
+
+/// When a render tells how long it will be.
+#[derive(Clone, Copy)]
+pub(crate) struct OutlookTime<'a> {
+    pub world: &'a World,
+    pub job: &'a Job,
+    /// The number of samples of all pixels that a continued picture had already.
+    pub made_before: f64,
+    /// The time after which it is told, once.
+    pub after: Duration,
+}
+
+impl<'a> OutlookTime<'a> {
+    /// After a minute.
+    pub(crate) fn new(world: &'a World, job: &'a Job, start: Option<&SampleBlocks>) -> OutlookTime<'a> {
+        let made_before = start.map_or(0.0, |start| start.counts().iter().map(|count| f64::from(*count)).sum());
+        OutlookTime { world, job, made_before, after: Duration::from_secs(60) }
+    }
+
+    /// Whether a pass that ends now may be the last one before that time. Passes at most double the samples.
+    fn is_near(&self, elapsed: Duration) -> bool {
+        elapsed.mul_f64(2.5) >= self.after
+    }
 }
 
 /// The times of passes.
@@ -304,6 +352,10 @@ struct PassTimes {
     shown: Option<Instant>,
     /// Whether a preview couldn't be written.
     has_failed: bool,
+    /// What will be told after a while, with the seconds that were left at the end of the last pass and those of the
+    /// run then.
+    outlook: Option<(Outlook, [f64; 2])>,
+    has_told: bool,
 }
 
 /// The shortest time between two previews.
@@ -317,10 +369,53 @@ impl<'a> PassObserver<'a> {
         flags: &PassFlags,
         preview: Option<PreviewFile<'a>>,
         is_quiet: bool,
+        outlook: OutlookTime<'a>,
     ) -> PassObserver<'a> {
         let now = Instant::now();
-        let state = Mutex::new(PassTimes { start: now, last: now, samples: 0, shown: None, has_failed: false });
-        PassObserver { display, style, frame, limit: flags.time, noise: flags.noise, preview, is_quiet, state }
+        let state = Mutex::new(PassTimes {
+            start: now,
+            last: now,
+            samples: 0,
+            shown: None,
+            has_failed: false,
+            outlook: None,
+            has_told: false,
+        });
+        PassObserver { display, style, frame, limit: flags.time, noise: flags.noise, preview, is_quiet, outlook, state }
+    }
+
+    /// Takes note of what is left after a pass.
+    fn look_ahead(&self, state: &mut PassTimes, pass: &PassProgress<'_>, elapsed: f64) {
+        let outlook = Outlook::new(pass.outlook(), self.noise.zip(pass.noise), self.outlook.world, self.outlook.job);
+        let OutlookTime { job, made_before, .. } = self.outlook;
+        let [before, samples] = [made_before / pass.picture.pixels.len() as f64, f64::from(pass.samples)];
+        let more = (f64::from(job.film.sampling.count()) - samples).max(0.0);
+        let by_samples = elapsed / (samples - before).max(1.0) * more;
+        let left = outlook.seconds_left(elapsed, made_before).unwrap_or(by_samples);
+        let left = self.limit.map_or(left, |limit| left.min((limit.as_secs_f64() - elapsed).max(0.0)));
+        state.outlook = Some((outlook, [left, elapsed]));
+    }
+
+    /// How long it will be, where the noise is and what a clamp would take away, for people and for programs: once,
+    /// after a while.
+    fn due_outlook(&self) -> Option<(Vec<String>, Value)> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let elapsed = state.start.elapsed();
+        if state.has_told || elapsed < self.outlook.after {
+            return None;
+        }
+        let (outlook, [left, then]) = state.outlook.take()?;
+        state.has_told = true;
+        let left = (left - (elapsed.as_secs_f64() - then)).max(0.0);
+        let mut lines = vec![format!("after {}: {}", duration(elapsed), outlook.time_words(left))];
+        lines.extend(outlook.noise_words());
+        let mut event = json!({
+            "event": "outlook", "frame": self.frame, "seconds": elapsed.as_secs_f64(), "seconds_left": left,
+        });
+        if let (Some(event), Value::Object(fields)) = (event.as_object_mut(), outlook.json()) {
+            event.extend(fields);
+        }
+        Some((lines, event))
     }
 }
 
@@ -331,6 +426,11 @@ impl Observer for PassObserver<'_> {
 
     fn progress(&self, progress: &Progress) {
         self.display.progress(progress);
+        match (self.due_outlook(), self.style) {
+            (Some((_, event)), Style::Json) => emit(&event),
+            (Some((lines, _)), _) => self.display.tell(&lines),
+            (None, _) => {}
+        }
     }
 
     fn solving(&self, progress: &SolvingProgress) {
@@ -349,6 +449,10 @@ impl Observer for PassObserver<'_> {
         }
         let asked = self.noise.zip(pass.noise);
         self.display.passed(PassState { samples: pass.samples, noise: asked, limit: self.limit });
+        let is_told = self.style == Style::Silent || state.has_told;
+        if !is_told && pass.next.is_some() && self.outlook.is_near(elapsed) {
+            self.look_ahead(&mut state, pass, elapsed.as_secs_f64());
+        }
         if let Some(preview) = &self.preview
             && pass.next.is_some()
             && !state.has_failed
@@ -373,6 +477,59 @@ impl Observer for PassObserver<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progress::RunProgress;
+    use canaletto::camera::Camera;
+    use canaletto::render::render;
+    use canaletto_io::assets::MemoryAssets;
+    use canaletto_io::text::read_scene;
+
+    /// Collects what is told after each pass.
+    struct Told<'a>(PassObserver<'a>, Mutex<Vec<(Vec<String>, Value)>>);
+
+    impl Observer for Told<'_> {
+        fn pass_ended(&self, pass: &PassProgress<'_>) -> ControlFlow<()> {
+            let answer = self.0.pass_ended(pass);
+            self.1.lock().unwrap().extend(self.0.due_outlook());
+            answer
+        }
+    }
+
+    /// A ball under a small strong lamp, before an even wall.
+    #[test]
+    fn a_long_render_tells_of_its_noise_once() {
+        let text = r#"
+            camera { eye 0 0 5; center 0 0 0; fovy 40; size 32 24 }
+            integrator "path"
+            material "grey" { kd 0.5 }
+            material "lamp" { kd 0; emission 3000 }
+            material "mirror" { kd 0; ks 0; k 0.9 }
+            sphere name="ball" material="mirror" { center 0 0 0; radius 0.8 }
+            box name="wall" material="grey" { min -9 -9 -3; max 9 9 -2 }
+            sphere material="lamp" { center 2 3 6; radius 0.05 }
+        "#;
+        let scene = read_scene("s.kdl", &MemoryAssets::new().with("s.kdl", text)).unwrap().0;
+        let world = World::build(scene.clone()).unwrap();
+        let mut job = Job::new(Camera::of(&scene.views[0]).unwrap(), scene.film, scene.integrator);
+        (job.noise, job.film.sampling) = (Some(1e-4), Sampling::Sampled(128));
+        let flags = PassFlags { noise: job.noise, ..PassFlags::default() };
+        let display = ProgressDisplay::begin(Style::Silent, 0, String::new(), 32 * 24, RunProgress::SINGLE);
+        for (after, times) in [(Duration::ZERO, 1), (Duration::from_secs(3600), 0)] {
+            let outlook = OutlookTime { after, ..OutlookTime::new(&world, &job, None) };
+            let observer = PassObserver::new(&display, Style::Plain, 0, &flags, None, false, outlook);
+            let observer = Told(observer, Mutex::default());
+            let rendering = render(&world, &job, &observer).unwrap();
+            let told = observer.1.into_inner().unwrap();
+            assert_eq!(told.len(), times, "{told:?}");
+            let (lines, json) = noise_left(&rendering, outlook, 1.0).unwrap();
+            let text = lines.join("\n");
+            for part in ["the noise is ", "0.0001 would take about ", "they get 128", "--clamp 10 would take away "] {
+                assert!(text.contains(part), "{text}");
+            }
+            assert!(text.contains(" of the pixels hold 5") && text.contains('"'), "{text}");
+            assert!(json["out_of_reach"] == true && json["noisiest"]["objects"][0]["share"].as_f64() > Some(0.1));
+            assert!(told.iter().all(|(_, event)| event["event"] == "outlook" && event["seconds_left"].is_number()));
+        }
+    }
 
     #[test]
     fn times_have_units() {

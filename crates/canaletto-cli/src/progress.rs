@@ -251,6 +251,15 @@ impl ProgressDisplay {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).pass = Some(pass);
     }
 
+    /// Tells lines about the whole run, between its progress.
+    pub(crate) fn tell(&self, lines: &[String]) {
+        match (&self.bar, self.style) {
+            (Some(bar), _) => bar.suspend(|| lines.iter().for_each(|line| eprint_line(line))),
+            (None, Style::Plain) => lines.iter().for_each(|line| eprint_line(&format!("{}{line}", self.label))),
+            _ => {}
+        }
+    }
+
     /// Clears the bar and returns the time that the render took.
     pub(crate) fn finish(self) -> Duration {
         if let Some(bar) = &self.bar {

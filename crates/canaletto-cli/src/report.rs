@@ -6,6 +6,7 @@ use canaletto::film::SampleStatistics;
 use canaletto::integrator::RayCounts;
 use canaletto::world::ReuseCounts;
 use serde::Serialize;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -44,6 +45,9 @@ pub(crate) struct Report {
     /// The samples of a picture that was made in passes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<SampleReport>,
+    /// What is left of the noise of a picture that was stopped, or that missed what it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_left: Option<Value>,
     /// Other numbers of the integrator.
     #[serde(flatten)]
     pub counts: BTreeMap<&'static str, u64>,

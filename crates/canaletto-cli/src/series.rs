@@ -12,7 +12,9 @@ use crate::interrupt;
 use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, shortfalls};
 use crate::output_format::Format;
-use crate::passes::{PassObserver, add_samples, sample_warnings, samples_of_file, scene_digest};
+use crate::passes::{
+    OutlookTime, PassObserver, add_samples, noise_left, sample_warnings, samples_of_file, scene_digest,
+};
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, SampleReport, Times};
@@ -22,7 +24,6 @@ use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::told_developing::METERED_EXPOSURE;
-use canaletto::Named;
 use canaletto::film::metered_exposure;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
@@ -335,7 +336,9 @@ impl<'a> Series<'a> {
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
         let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
-        let observer = PassObserver::new(&watch, plan.style, frame, &self.flags.passes, preview, self.flags.quiet);
+        let outlook = OutlookTime::new(world, &job, start.as_ref());
+        let flags = &self.flags;
+        let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook);
         let rendered = match &start {
             Some(start) => render_on(world, &rendered_job, start, &observer)
                 .map(|rendering| (rendering, None))
@@ -354,6 +357,10 @@ impl<'a> Series<'a> {
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
         self.tell_of_samples(&rendering, &job);
+        let noise_left = noise_left(&rendering, outlook, render);
+        if let (Some((lines, _)), false) = (&noise_left, self.flags.quiet || plan.style == Style::Json) {
+            lines.iter().for_each(|line| eprint_line(&format!("note: {}: {line}", self.reader.name)));
+        }
         let keeps_samples = !plan.numbered && plan.output.format.has_layers();
         let texts_with_samples = |rendering: &mut Rendering| {
             let mut texts = frame_context.texts.clone();
@@ -391,6 +398,7 @@ impl<'a> Series<'a> {
             rays: rendering.counts.rays,
             solution,
             metered_exposure: self.metered,
+            noise_left: noise_left.map(|(_, json)| json),
             samples: rendering.statistics.as_ref().map(|statistics| SampleReport::new(statistics, pixels)),
             counts: rendering.counts.others.iter().copied().collect(),
             rays_total,
@@ -443,8 +451,7 @@ impl<'a> Series<'a> {
     /// stays noisy and isn't complete.
     fn denoise(&self, denoiser: Denoiser, rendering: &mut Rendering, job: &Job) -> Result<(), Failure> {
         let start = Instant::now();
-        let noisy = denoiser::of_rendering(&rendering.picture);
-        rendering.picture.layers.retain(|layer| job.aovs.iter().any(|aov| aov.name() == layer.name));
+        let noisy = denoiser::of_rendering(&mut rendering.picture, &job.aovs);
         if !rendering.complete {
             return Ok(());
         }
@@ -462,7 +469,7 @@ impl<'a> Series<'a> {
         if self.plan.style == Style::Json {
             emit(&json!({
                 "event": "denoised", "frame": job.frame, "denoiser": denoiser.name(), "seconds": seconds.as_secs_f64(),
-                "outlier_light": denoised.outlier_light,
+                "outlier_light": denoised.outlier_light, "lost_light": denoised.lost_light,
             }));
         } else if !self.flags.quiet {
             eprint_line(&denoiser::told(&denoised, seconds));

@@ -297,7 +297,8 @@ fn noise_is_as_low_as_asked_or_a_warning_says_so() {
     assert!(!said.contains("warning"), "{said}");
     folder.says("render s.kdl --noise 0.1 -q -o b.exr --threads 3 --tile 7", 0, &[]);
     folder.same("a.exr", "b.exr");
-    folder.says("render s.kdl --noise 0.001 --samples 64 -o c.png", 0, &["warning", "not 0.001", "64 samples"]);
+    let words = ["warning", "not 0.001", "64 samples", "0.001 would take about ", "of the noise", "--clamp 10 would"];
+    folder.says("render s.kdl --noise 0.001 --samples 64 -o c.png", 0, &words);
     folder.says("render s.kdl --noise 0", 2, &["above 0"]);
 }
 
@@ -409,6 +410,33 @@ fn colours_of_a_single_layer_are_denoised() {
     folder.says("denoise two.exr -o no.exr", 3, &found);
     write("none.exr", &["B", "G", "Z"]);
     folder.says("denoise none.exr -o no.exr", 3, &["it has \"B\", \"G\" and \"Z\""]);
+}
+
+/// Pixels that are no light are filled and counted. A picture of nothing else is refused.
+#[test]
+fn pixels_that_are_no_light_are_counted() {
+    let folder = Folder::new();
+    let exr = PictureFormat::all().find(|format| format.extension() == "exr").unwrap();
+    let write = |file: &str, broken: &dyn Fn(usize) -> f32| {
+        let channel = |name: &str| Channel::new(name, (0..12 * 8).map(|i| 0.5 + broken(i)).collect());
+        let image = Image { width: 12, height: 8, channels: ["B", "G", "R"].map(channel).into() };
+        let bytes = exr.encode_image(&image, Transfer::None, &EncodeSettings::default(), &[]).unwrap();
+        fs::write(folder.path(file), bytes).unwrap();
+    };
+    write("dots.exr", &|i| match i {
+        40 => f32::NAN,
+        41 => f32::INFINITY,
+        77 => -5.0,
+        _ => 0.0,
+    });
+    folder.says("denoise dots.exr -o out.exr", 0, &["warning: dots.exr: 3 pixels were no light"]);
+    let image = folder.picture("out.exr").image;
+    for name in ["R", "G", "B"] {
+        assert!(image.channel(name).unwrap().iter().all(|v| (v - 0.5).abs() < 1e-4), "{name}");
+    }
+    write("none.exr", &|_| f32::NAN);
+    folder.says("denoise none.exr -o no.exr", 3, &["none.exr: none of its pixels is light"]);
+    assert!(!folder.path("no.exr").exists());
 }
 
 /// The halves of a denoised picture aren't those of its colours.

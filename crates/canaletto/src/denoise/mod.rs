@@ -8,28 +8,35 @@
 //! 4. Each pixel takes the filter of the least relative error, or none. Each half of the samples estimates the errors
 //!    of what the other half became. Lamps and the background, where they fill a pixel, stay as they are.
 //!
-//! Everything is deterministic and the same for any number of threads.
+//! Pixels that are no light, such as NaN, are filled from those around them first. Everything is deterministic and the
+//! same for any number of threads.
+//!
+//! A step hands planes of numbers to the next one, at most about 90 bytes for a pixel, and reads the picture itself
+//! where it stands.
 
 mod atrous;
 mod choice;
-mod features;
 mod outliers;
 mod plane;
 mod regression;
+mod repair;
+mod source;
 #[cfg(test)]
 mod tests;
 mod variance;
 
 use crate::math::Rgb;
 use crate::named;
-use atrous::{Half, atrous, luminance};
-use choice::{Candidate, choose};
-use features::FeaturePlanes;
-use outliers::{lower_outliers, median, spread_outliers};
-use plane::{ColorPlanes, Plane};
-use regression::{PatchGuide, regress};
+use atrous::atrous;
+use choice::{choose, square_error};
+use outliers::{SpreadLight, lowered_windows, lowering, median, removed_light, spread_outliers};
+use plane::{ColorPlanes, Plane, strips};
+use rayon::prelude::*;
+use regression::RegressedHalf;
+pub use repair::FilledPixels;
+use source::Source;
 use std::ops::ControlFlow;
-use variance::averaged;
+use variance::variance;
 
 /// A picture to be denoised. All layers have width × height values, the top row first.
 #[derive(Clone, Debug, Default)]
@@ -48,6 +55,15 @@ pub struct NoisyPicture {
     pub normal: Option<Vec<[f32; 3]>>,
     /// Distances from the eye; infinite for the background.
     pub depth: Option<Vec<f32>>,
+}
+
+impl NoisyPicture {
+    /// The picture with what surrounds them in the place of pixels that are no light, and of features that are no
+    /// numbers; and how many these are.
+    pub fn repaired(&self) -> (NoisyPicture, FilledPixels) {
+        let source = Source::new(self);
+        (source.repaired(), source.filled)
+    }
 }
 
 /// How hard a picture is denoised.
@@ -77,12 +93,20 @@ pub struct DenoisedPicture {
     pub lost_light: f64,
     /// The share of pixels that each filter made, by name: "noisy", "wavelets", "regression".
     pub filters: Vec<(&'static str, f64)>,
+    /// The pixels that were filled from those around them.
+    pub filled: FilledPixels,
 }
 
 impl DenoisedPicture {
     /// A picture that another denoiser made.
     pub fn by_another(name: &'static str, color: Vec<Rgb>) -> DenoisedPicture {
-        DenoisedPicture { color, outlier_light: 0.0, lost_light: 0.0, filters: vec![(name, 1.0)] }
+        DenoisedPicture {
+            color,
+            outlier_light: 0.0,
+            lost_light: 0.0,
+            filters: vec![(name, 1.0)],
+            filled: FilledPixels::default(),
+        }
     }
 }
 
@@ -95,79 +119,84 @@ pub fn denoise(
     quality: DenoiseQuality,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> ControlFlow<(), DenoisedPicture> {
-    let size = [picture.width as usize, picture.height as usize];
-    let features =
-        FeaturePlanes::new(size, picture.normal.as_deref(), picture.albedo.as_deref(), picture.depth.as_deref());
-    let total: f64 = picture.color.iter().flat_map(|c| c.to_array()).map(|v| f64::from(finite(v))).sum();
-    let exposure = exposure(total / (3 * size[0] * size[1]) as f64);
-    let [a, b] = match &picture.halves {
-        Some(halves) => [0, 1].map(|i: usize| color_planes(size, &halves[i], exposure)),
-        None => [0, 1].map(|_| color_planes(size, &picture.color, exposure)),
-    };
-    let direct = seen_directly(size, &features);
-    let lower = |own, other| lower_outliers(own, other, &features);
-    let ((lowered_a, removed_a), (lowered_b, removed_b)) = (lower(&a, &b), lower(&b, &a));
-    let scale = [0, 1, 2].map(|c| match &picture.albedo {
-        Some(albedo) => Plane::of(size, |i| albedo[i][c].max(LEAST_ALBEDO)),
-        None => Plane::of(size, |_| 1.0),
-    });
-    let light = [lowered_a, lowered_b].map(|half| divided(half, &scale));
-    let unlowered = [a, b].map(|half| divided(half, &scale));
+    let source = &Source::new(picture);
+    let size = source.size;
+    let factors = lowering(source);
+    let direct = seen_directly(source);
     step(go_on, 0.1)?;
-    let has_halves = picture.halves.is_some();
-    let brightness = [0, 1].map(|i: usize| luminance(&light[i]));
-    let pairs = [0, 1, 2].map(|c| [&light[0][c], &light[1][c]]);
-    let pairs = [pairs[0], pairs[1], pairs[2], [&brightness[0], &brightness[1]]];
-    let [red, green, blue, luminance_variance] = if has_halves {
-        averaged(&pairs.map(|[a, b]| half_variance(a, b)), &features)
-    } else {
-        pairs.map(|[a, _]| variance_of_neighbours(a).box_mean(1))
+    let [red, green, blue, brightness] = variance(source, &factors);
+    let variance = (quality == DenoiseQuality::Good && source.has_halves).then_some([red, green, blue]);
+    step(go_on, 0.2)?;
+    let wavelets = atrous(source, &factors, &brightness);
+    drop(brightness);
+    step(go_on, 0.3)?;
+    let spread = [0, 1].map(|half| Spread::new(source, half, &factors, &wavelets[half], &direct));
+    let by_wavelets = |half: usize, i: usize| {
+        let own = colored(source, &wavelets[half], i);
+        added(own, spread[half].at(source, &wavelets[half], &direct, i))
     };
-    let variance = [red, green, blue];
-    let with_variance = light.clone().map(|color| Half { color, variance: luminance_variance.clone() });
-    let wavelets = atrous(with_variance, &features, picture.normal.is_some());
-    let spread = [0, 1].map(|i: usize| {
-        let removed = multiplied(subtracted(&unlowered[i], &light[i]), &scale);
-        spread_outliers(&removed, &takers(&multiplied(wavelets[i].clone(), &scale), &direct))
-    });
-    let lost = 0.5 * (spread[0].1 + spread[1].1) / f64::from(exposure);
-    let spread = spread.map(|(light, _)| divided(light, &scale));
-    let mut candidates = vec![("noisy", Candidate { halves: unlowered.clone() })];
-    if quality == DenoiseQuality::Good {
-        step(go_on, 0.3)?;
-        let mirrored = |planes: ColorPlanes| planes.map(|plane| plane.with_mirrored_margin(10));
-        let variance = mirrored(variance.clone());
-        let regression = |i: usize| {
-            let guide = PatchGuide { color: mirrored(light[i].clone()), variance: variance.clone() };
-            added(within(regress(&light[i], &guide, &features), &wavelets[i]), &spread[i])
-        };
-        let first = regression(0);
-        step(go_on, 0.6)?;
-        candidates.push(("regression", Candidate { halves: [first, regression(1)] }));
+    let halves = |i: usize| [source.color(0, i), source.color(1, i)];
+    // Without halves nothing can estimate errors. Wavelets blur the least.
+    let (mut names, mut errors, mut fitted) = (vec!["wavelets"], Vec::new(), None);
+    let weight = error_weight(source, &factors, &wavelets);
+    if source.has_halves {
+        let error = |i: usize, filtered| square_error(halves(i), filtered) * weight.values[i];
+        names.insert(0, "noisy");
+        errors.push(Plane::of(size, |i| error(i, halves(i))));
+        if let Some(variance) = variance {
+            names.insert(1, "regression");
+            let [half_a, half_b] = [0, 1].map(|half| {
+                let variance = variance.each_ref();
+                RegressedHalf { source, half, factors: &factors, variance }
+            });
+            let made = |half: usize, i: usize, fitted: [f32; 3]| {
+                let own = within(fitted, &wavelets[half], i);
+                let (scale, own) = (source.scale(i), own);
+                added([0, 1, 2].map(|c: usize| own[c] * scale[c]), spread[half].at(source, &wavelets[half], &direct, i))
+            };
+            let mut colors = vec![[0.0; 3]; size[0] * size[1]];
+            half_a.regress(&|| go_on(0.4), |y, rows| {
+                let first = y * size[0];
+                let out = colors[first..first + rows.len()].par_iter_mut().zip(rows).enumerate();
+                out.for_each(|(i, (color, fitted))| *color = made(0, first + i, *fitted));
+            })?;
+            let mut own_errors = Plane::new(size);
+            half_b.regress(&|| go_on(0.7), |y, rows| {
+                let first = y * size[0];
+                let errors = &mut own_errors.values[first..first + rows.len()];
+                let out = colors[first..first + rows.len()].par_iter_mut().zip(errors).zip(rows).enumerate();
+                out.for_each(|(i, ((color, own_error), fitted))| {
+                    let filtered = [*color, made(1, first + i, *fitted)];
+                    *own_error = error(first + i, filtered);
+                    *color = mean(filtered);
+                });
+            })?;
+            errors.push(own_errors);
+            fitted = Some(colors);
+        }
+        errors.push(Plane::of(size, |i| error(i, [by_wavelets(0, i), by_wavelets(1, i)])));
+    } else {
+        errors.push(Plane::new(size));
     }
-    let [a, b] = wavelets.clone();
-    candidates.push(("wavelets", Candidate { halves: [added(a, &spread[0]), added(b, &spread[1])] }));
+    drop(weight);
     step(go_on, 0.9)?;
-    if !has_halves {
-        // Nothing can estimate errors. Wavelets, which come last, blur the least.
-        candidates = candidates.split_off(candidates.len() - 1);
-    }
-    let (names, candidates): (Vec<_>, Vec<_>) = candidates.into_iter().unzip();
-    let weight = error_weight(&light, &wavelets, &scale);
-    let (chosen, shares) = choose(&unlowered, &candidates, &scale, &weight, &direct);
-    let [width, height] = size;
-    let mut color = vec![Rgb::BLACK; width * height];
-    for (i, color) in color.iter_mut().enumerate() {
-        let (x, y) = (i % width, i / width);
-        *color = Rgb::from([0, 1, 2].map(|c: usize| (chosen[c].at(x, y) * scale[c].at(x, y) / exposure).max(0.0)));
-    }
-    let removed = (removed_a + removed_b) * 0.5 / f64::from(exposure);
+    let of_candidate = |candidate: usize, i: usize| match (names[candidate], &fitted) {
+        ("noisy", _) => mean(halves(i)),
+        ("regression", Some(colors)) => colors[i],
+        _ => mean([by_wavelets(0, i), by_wavelets(1, i)]),
+    };
+    let shown = |candidate: usize, i: usize| of_candidate(candidate, i).map(|v| (v / source.exposure).max(0.0));
+    let (color, shares) = choose(errors, shown, &direct);
+    let removed = 0.5 * (removed_light(source, 0, &factors[0]) + removed_light(source, 1, &factors[1]));
+    let lost = 0.5 * (spread[0].lost + spread[1].lost);
+    let total = source.total() * f64::from(source.exposure);
     let share = |light: f64| if total > 0.0 { light / total } else { 0.0 };
     ControlFlow::Continue(DenoisedPicture {
         color,
         outlier_light: share(removed),
         lost_light: share(lost),
         filters: names.into_iter().zip(shares).collect(),
+        filled: source.filled,
     })
 }
 
@@ -176,41 +205,100 @@ const TAKEN: [f32; 2] = [1e-3, 4.0];
 /// See [`typical`].
 const BRIGHTEST: f32 = 30.0;
 
-/// What each pixel may take of the light of outliers, in proportion. What is seen directly takes none.
-fn takers(light: &ColorPlanes, direct: &Plane) -> ColorPlanes {
-    let typical = typical(light);
-    light.each_ref().map(|plane| {
-        let mut taker = Plane::new(plane.size);
-        taker.fill(|x, y| plane.at(x, y).clamp(TAKEN[0] * typical, TAKEN[1] * typical) * (1.0 - direct.at(x, y)));
-        taker
-    })
+/// The light of the outliers of one half, spread.
+struct Spread {
+    light: SpreadLight,
+    /// The typical light, by which pixels take.
+    typical: f32,
+    lost: f64,
+}
+
+impl Spread {
+    fn new(source: &Source<'_>, half: usize, factors: &[Plane; 2], wavelets: &ColorPlanes, direct: &[bool]) -> Spread {
+        let brightness = |i: usize| {
+            let [r, g, b] = colored(source, wavelets, i);
+            (r + g + b) * (1.0 / 3.0)
+        };
+        let typical = typical(&Plane::of(source.size, brightness));
+        let removed = |i: usize| source.color(half, i).map(|v| v * (1.0 - factors[half].values[i]));
+        let takers = |i: usize| taken(source, wavelets, typical, direct, i);
+        let (light, lost) = spread_outliers(source.size, removed, takers);
+        Spread { light, typical, lost }
+    }
+
+    /// The light that a pixel takes.
+    #[inline(always)]
+    fn at(&self, source: &Source<'_>, wavelets: &ColorPlanes, direct: &[bool], i: usize) -> [f32; 3] {
+        let (taken, shares) = (taken(source, wavelets, self.typical, direct, i), self.light.at(i));
+        [0, 1, 2].map(|c: usize| taken[c] * shares[c])
+    }
+}
+
+/// What a pixel may take of the light of outliers, in proportion. What is seen directly takes none.
+#[inline(always)]
+fn taken(source: &Source<'_>, wavelets: &ColorPlanes, typical: f32, direct: &[bool], i: usize) -> [f32; 3] {
+    if direct[i] {
+        return [0.0; 3];
+    }
+    colored(source, wavelets, i).map(|light| light.clamp(TAKEN[0] * typical, TAKEN[1] * typical))
+}
+
+/// Filtered light with the albedo.
+#[inline(always)]
+fn colored(source: &Source<'_>, light: &ColorPlanes, i: usize) -> [f32; 3] {
+    let scale = source.scale(i);
+    [0, 1, 2].map(|c: usize| light[c].values[i] * scale[c])
+}
+
+#[inline(always)]
+fn added(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// The mean of both halves.
+#[inline(always)]
+fn mean([a, b]: [[f32; 3]; 2]) -> [f32; 3] {
+    [0, 1, 2].map(|c: usize| 0.5 * (a[c] + b[c]))
 }
 
 /// The mean of the light, where what is far brighter than the median counts no more than [`BRIGHTEST`] medians.
-fn typical(light: &ColorPlanes) -> f32 {
-    let (light, [width, height]) = (luminance(light), light[0].size);
-    let all = || (0..width * height).map(|i| light.at(i % width, i / width));
-    let mut lit: Vec<f32> = all().filter(|light| *light > 0.0).collect();
+fn typical(light: &Plane) -> f32 {
+    let mut lit: Vec<f32> = light.values.iter().copied().filter(|light| *light > 0.0).collect();
     if lit.is_empty() {
         return 1.0;
     }
     let middle = lit.len() / 2;
     let most = BRIGHTEST * *lit.select_nth_unstable_by(middle, f32::total_cmp).1;
-    (all().map(|light| f64::from(light.min(most))).sum::<f64>() / (width * height) as f64) as f32
+    (light.values.iter().map(|light| f64::from(light.min(most))).sum::<f64>() / light.values.len() as f64) as f32
 }
 
 /// What the square of an error counts: 1 / light², so that errors in the dark count. The light is that of the wavelets,
 /// or less where the median of the noisy neighbours is: else light that leaks into the dark would excuse itself.
-fn error_weight(light: &[ColorPlanes; 2], wavelets: &[ColorPlanes; 2], scale: &ColorPlanes) -> Plane {
-    let guide = [0, 1, 2].map(|c| {
-        let (own, noisy) = (mean(&wavelets[0][c], &wavelets[1][c]), median(&mean(&light[0][c], &light[1][c])));
-        let mut plane = Plane::new(own.size);
-        plane.fill(|x, y| own.at(x, y).min(noisy.at(x, y).max(0.1 * own.at(x, y))) * scale[c].at(x, y));
-        plane
+fn error_weight(source: &Source<'_>, factors: &[Plane; 2], wavelets: &[ColorPlanes; 2]) -> Plane {
+    let mut weight = Plane::new(source.size);
+    strips([&mut weight]).into_par_iter().for_each(|strip| {
+        for part in strip.parts(source.size) {
+            let mut light = lowered_windows(source, factors, &part, 1);
+            let (halves, others) = light.split_at_mut(3);
+            for (a, b) in halves.iter_mut().zip(others) {
+                a.values.iter_mut().zip(&b.values).for_each(|(a, b)| *a = 0.5 * (*a + b));
+            }
+            let inside = part.inside(1);
+            for y in 0..part.size[1] {
+                for (x, v) in strip.rows[0][part.row(y)].iter_mut().enumerate() {
+                    let i = part.index(x, y);
+                    let scale = source.scale(i);
+                    let guide = [0, 1, 2].map(|c: usize| {
+                        let own = 0.5 * (wavelets[0][c].values[i] + wavelets[1][c].values[i]);
+                        own.min(median(&halves[c], &inside, x, y).max(0.1 * own)) * scale[c]
+                    });
+                    *v = (guide[0] + guide[1] + guide[2]) * (1.0 / 3.0);
+                }
+            }
+        }
     });
-    let (typical, light) = (typical(&guide), luminance(&guide));
-    let mut weight = Plane::new(light.size);
-    weight.fill(|x, y| 1.0 / (light.at(x, y) * light.at(x, y) + 0.01 * typical * typical + 1e-20));
+    let typical = typical(&weight);
+    weight.values.iter_mut().for_each(|v| *v = 1.0 / (*v * *v + 0.01 * typical * typical + 1e-20));
     weight
 }
 
@@ -219,140 +307,48 @@ const LAMP: f32 = 0.999;
 /// The ratio of a lamp's edge's albedo to the least one beside it.
 const EDGE: f32 = 1.03;
 
-/// 1 where lamps or the background fill a pixel, and on a lamp's edge. The largest component of their albedo is 1, as
-/// that of nothing else. On an edge the albedo is above that of the wall beside it.
-fn seen_directly(size: [usize; 2], features: &FeaturePlanes) -> Plane {
-    let [red, green, blue] = &features.albedo;
-    let largest = |x: usize, y: usize| red.at(x, y).max(green.at(x, y)).max(blue.at(x, y));
-    let has_normal = |x: usize, y: usize| features.normal.iter().any(|n| n.at(x, y) != 0.0);
-    let mut plane = Plane::new(size);
-    plane.fill(|x, y| {
+/// Where lamps or the background fill a pixel, and a lamp's edge. The largest component of their albedo is 1, as that of
+/// nothing else. On an edge the albedo is above that of the wall beside it.
+fn seen_directly(source: &Source<'_>) -> Vec<bool> {
+    let size = source.size;
+    let largest = |i: usize| source.albedo(i).into_iter().fold(0.0, f32::max);
+    let has_normal = |i: usize| source.normal(i).iter().any(|n| *n != 0.0);
+    let is_direct = |i: usize| {
+        let (x, y, own) = (i % size[0], i / size[0], largest(i));
+        // A white medium has a depth, but no normal.
+        let is_medium = source.nearness(i) > 0.0 && !has_normal(i);
+        if own > LAMP && !is_medium {
+            return true;
+        }
         let (mut least, mut is_beside_lamp) = (f32::INFINITY, false);
         for y in y.saturating_sub(1)..(y + 2).min(size[1]) {
             for x in x.saturating_sub(1)..(x + 2).min(size[0]) {
-                least = least.min(largest(x, y));
-                is_beside_lamp |= largest(x, y) > LAMP && has_normal(x, y);
+                let other = y * size[0] + x;
+                least = least.min(largest(other));
+                is_beside_lamp |= largest(other) > LAMP && has_normal(other);
             }
         }
-        // A white medium has a depth, but no normal.
-        let is_medium = features.nearness.at(x, y) > 0.0 && !has_normal(x, y);
-        let is_filled = largest(x, y) > LAMP && !is_medium;
-        if is_filled || is_beside_lamp && largest(x, y) > EDGE * least { 1.0 } else { 0.0 }
-    });
-    plane
+        is_beside_lamp && own > EDGE * least
+    };
+    (0..size[0] * size[1]).into_par_iter().map(is_direct).collect()
 }
 
 fn step(go_on: &(dyn Fn(f64) -> bool + Sync), share: f64) -> ControlFlow<()> {
     if go_on(share) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
 }
 
-fn color_planes(size: [usize; 2], colors: &[Rgb], exposure: f32) -> ColorPlanes {
-    [0, 1, 2].map(|c| Plane::of(size, |i| finite(colors[i].to_array()[c]) * exposure))
-}
-
-/// Numbers that are none count as black.
-fn finite(v: f32) -> f32 {
-    if v.is_finite() { v } else { 0.0 }
-}
-
-/// The power of two that brings a mean between 1 and 2. Multiplying by it changes no bits but the exponent's.
-fn exposure(mean: f64) -> f32 {
-    if !(mean > 0.0 && mean.is_finite()) {
-        return 1.0;
-    }
-    let (_, exponent) = libm::frexp(mean);
-    libm::ldexpf(1.0, (1 - exponent).clamp(-100, 100))
-}
-
-/// A colour divided by another.
-fn divided(color: ColorPlanes, by: &ColorPlanes) -> ColorPlanes {
-    let mut color = color;
-    for (plane, by) in color.iter_mut().zip(by) {
-        plane.values.iter_mut().zip(&by.values).for_each(|(v, by)| *v = if *by > 0.0 { *v / by } else { 0.0 });
-    }
-    color
-}
-
-/// A colour multiplied by another.
-fn multiplied(color: ColorPlanes, by: &ColorPlanes) -> ColorPlanes {
-    let mut color = color;
-    for (plane, by) in color.iter_mut().zip(by) {
-        plane.values.iter_mut().zip(&by.values).for_each(|(v, by)| *v *= by);
-    }
-    color
-}
-
-/// What a colour has more than another.
-fn subtracted(color: &ColorPlanes, other: &ColorPlanes) -> ColorPlanes {
-    let mut difference = color.clone();
-    for (plane, other) in difference.iter_mut().zip(other) {
-        plane.values.iter_mut().zip(&other.values).for_each(|(v, other)| *v -= other);
-    }
-    difference
-}
-
-/// The sum of two colours.
-fn added(color: ColorPlanes, other: &ColorPlanes) -> ColorPlanes {
-    let mut sum = color;
-    for (plane, other) in sum.iter_mut().zip(other) {
-        plane.values.iter_mut().zip(&other.values).for_each(|(v, add)| *v += add);
-    }
-    sum
-}
-
-/// A fitted colour, kept to the range of the 5 × 5 pixels of another that surround it. A linear fit may lead beyond it.
-fn within(fitted: ColorPlanes, other: &ColorPlanes) -> ColorPlanes {
-    let mut kept = fitted;
-    for (plane, other) in kept.iter_mut().zip(other) {
-        let (own, [width, height]) = (plane.clone(), other.size);
-        plane.fill(|x, y| {
-            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for y in y.saturating_sub(2)..(y + 3).min(height) {
-                let start = other.index(x.saturating_sub(2), y);
-                let end = other.index((x + 2).min(width - 1), y);
-                for v in &other.values[start..=end] {
-                    (low, high) = (low.min(*v), high.max(*v));
-                }
+/// A fitted pixel, kept to the range of the 5 × 5 pixels of another picture that surround it. A linear fit may lead
+/// beyond it.
+fn within(fitted: [f32; 3], other: &ColorPlanes, i: usize) -> [f32; 3] {
+    let [width, height] = other[0].size;
+    let (x, y) = (i % width, i / width);
+    [0, 1, 2].map(|c: usize| {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for y in y.saturating_sub(2)..(y + 3).min(height) {
+            for v in &other[c].values[y * width + x.saturating_sub(2)..=y * width + (x + 2).min(width - 1)] {
+                (low, high) = (low.min(*v), high.max(*v));
             }
-            own.at(x, y).clamp(low, high)
-        });
-    }
-    kept
-}
-
-/// A guess of the variance from how much a pixel differs from the mean of its neighbours. Noise is taken to be in
-/// proportion to light, by the median ratio of the picture, since edges differ more than noise does.
-fn variance_of_neighbours(plane: &Plane) -> Plane {
-    let mean = plane.box_mean(1);
-    let square = |v: f32| v * v;
-    let guess = |x: usize, y: usize| 9.0 / 8.0 * square(plane.at(x, y) - mean.at(x, y));
-    let [width, height] = plane.size;
-    let mut ratios: Vec<f32> = (0..width * height)
-        .map(|i| (i % width, i / width))
-        .filter(|&(x, y)| mean.at(x, y) > 0.0)
-        .map(|(x, y)| guess(x, y) / square(mean.at(x, y)))
-        .collect();
-    ratios.sort_unstable_by(f32::total_cmp);
-    // The median of the square of a normal number is 0.455 times its mean.
-    let ratio = ratios.get(ratios.len() / 2).map_or(0.0, |median| median / 0.455);
-    let mut variance = Plane::new(plane.size);
-    variance.fill(|x, y| guess(x, y).min(ratio * square(mean.at(x, y))));
-    variance
-}
-
-/// (a + b)/2.
-fn mean(a: &Plane, b: &Plane) -> Plane {
-    let mut plane = Plane::new(a.size);
-    plane.fill(|x, y| 0.5 * (a.at(x, y) + b.at(x, y)));
-    plane
-}
-
-/// (a − b)²/2, whose mean is the variance of each half.
-fn half_variance(a: &Plane, b: &Plane) -> Plane {
-    let mut plane = Plane::new(a.size);
-    plane.fill(|x, y| {
-        let difference = a.at(x, y) - b.at(x, y);
-        0.5 * difference * difference
-    });
-    plane
+        }
+        fitted[c].clamp(low, high)
+    })
 }

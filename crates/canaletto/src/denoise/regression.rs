@@ -8,10 +8,12 @@
 //! of filtered.
 #![allow(clippy::needless_range_loop)] // Lanes of several arrays go in step.
 
-use super::features::FeaturePlanes;
-use super::plane::{ColorPlanes, MARGIN, Plane, falloff};
+use super::outliers::lowered;
+use super::plane::{LANES, Lanes, Part, Plane, Window, falloff};
+use super::source::Source;
 use canaletto_bvh::{InstructionSet, Kernel};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// The window is (2 RADIUS + 1)² pixels.
 const RADIUS: usize = 7;
@@ -21,12 +23,12 @@ const WINDOW: usize = SIDE * SIDE;
 const PATCH: usize = 3;
 /// The tolerance for differences between patches in standard deviations, squared.
 const TOLERANCE: f32 = 0.12;
-/// The number of anchors side by side.
-const LANES: usize = 16;
 /// The distance between rows of anchors.
 const ROWS: usize = 2;
-/// The number of rows of pixels that one task takes anchors from.
-const BAND: usize = 16;
+/// The width and the height of the parts of the picture that one task takes anchors from.
+const PART: [usize; 2] = [256, 16];
+/// The number of parts for each thread whose predictions are kept at a time.
+const PARTS_OF_THREAD: usize = 16;
 /// 1, two of place, three of the normal, three of the albedo, one of nearness.
 const TERMS: usize = 10;
 /// The number of products of two terms.
@@ -34,91 +36,151 @@ const PRODUCTS: usize = TERMS * (TERMS + 1) / 2;
 /// Features that vary by less than this count little: place in windows, normal, albedo, nearness.
 const RIDGE: [f32; TERMS] = [0.0, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.02];
 
-type Lanes = [f32; LANES];
-
-/// What non-local means compare: light and its variance, both mirrored into the margin.
-pub(super) struct PatchGuide {
-    pub(super) color: ColorPlanes,
-    pub(super) variance: ColorPlanes,
+/// The light of one half, and what its filter needs to know.
+#[derive(Clone, Copy)]
+pub(super) struct RegressedHalf<'a> {
+    pub(super) source: &'a Source<'a>,
+    pub(super) half: usize,
+    /// What lowers outliers.
+    pub(super) factors: &'a [Plane; 2],
+    /// The variance of red, green and blue.
+    pub(super) variance: [&'a Plane; 3],
 }
 
-/// Filters `data` with weights from `guide`.
-pub(super) fn regress(data: &ColorPlanes, guide: &PatchGuide, features: &FeaturePlanes) -> ColorPlanes {
-    let size = data[0].size;
-    let bands: Vec<usize> = (0..size[1]).step_by(BAND).collect();
-    // Each band predicts its own rows and RADIUS more on both sides.
-    let predicted: Vec<Vec<[Lanes; 4]>> = bands
-        .par_iter()
-        .map(|first| {
-            let groups = size[0].div_ceil(LANES) + 2;
-            let mut sums = vec![[[0.0; LANES]; 4]; groups * (BAND + 2 * RADIUS)];
-            let mut band = Band { data, guide, features, first: *first, sums: &mut sums };
-            band.predict();
-            sums
-        })
-        .collect();
-    let mut planes = [0, 1, 2].map(|_| Plane::new(size));
-    let groups = size[0].div_ceil(LANES) + 2;
-    let value = |x: usize, y: usize, c: usize| {
-        let at = (x + LANES) / LANES;
-        let lane = x % LANES;
-        let mut sums = [0.0; 2];
-        for (band, first) in predicted.iter().zip(&bands) {
-            let row = (y + RADIUS).wrapping_sub(*first);
-            if row < BAND + 2 * RADIUS {
-                let cell = &band[row * groups + at];
-                sums[0] += cell[c][lane];
-                sums[1] += cell[3][lane];
-            }
+impl RegressedHalf<'_> {
+    /// Calls `fitted` with rows of the filtered light, from `y` on, as many rows at a time as memory allows. It stops
+    /// when `go_on` says so.
+    pub(super) fn regress(
+        &self,
+        go_on: &(dyn Fn() -> bool + Sync),
+        mut fitted: impl FnMut(usize, &[[f32; 3]]),
+    ) -> ControlFlow<()> {
+        let size @ [width, height] = self.source.size;
+        let columns = width.div_ceil(PART[0]);
+        let bands = (PARTS_OF_THREAD * rayon::current_num_threads()).div_ceil(columns);
+        // Predictions reach RADIUS beyond a band, so the last band of one turn has a part in the next one.
+        let mut last: Option<Vec<Predictions>> = None;
+        for first in (0..height).step_by(bands * PART[1]) {
+            let tops: Vec<usize> = (first..height.min(first + bands * PART[1])).step_by(PART[1]).collect();
+            let parts: Vec<Part> = tops
+                .iter()
+                .flat_map(|top| (0..width).step_by(PART[0]).map(|left| [left, *top]))
+                .map(|at| Part { picture: size, at, size: [0, 1].map(|axis| PART[axis].min(size[axis] - at[axis])) })
+                .collect();
+            let predicted = parts.par_iter().map(|part| go_on().then(|| self.predict(*part)));
+            let Some(predicted) = predicted.collect::<Option<Vec<Predictions>>>() else {
+                return ControlFlow::Break(());
+            };
+            let mut all = last.take().unwrap_or_default();
+            all.extend(predicted);
+            let end = if first + bands * PART[1] < height { first + bands * PART[1] - RADIUS } else { height };
+            let start = first.saturating_sub(RADIUS);
+            let mut rows = vec![[0.0; 3]; (end - start) * width];
+            rows.par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
+                let y = start + row;
+                let near: Vec<&Predictions> = all.iter().filter(|predictions| predictions.reaches(y)).collect();
+                for (x, pixel) in pixels.iter_mut().enumerate() {
+                    let mut sums = [0.0; 4];
+                    near.iter().for_each(|predictions| predictions.add(x, y, &mut sums));
+                    let scale = if sums[3] > 0.0 { 1.0 / sums[3] } else { 0.0 };
+                    *pixel = match sums[3] > 0.0 {
+                        true => [sums[0] * scale, sums[1] * scale, sums[2] * scale],
+                        false => lowered(self.source, self.half, self.factors, y * width + x),
+                    };
+                }
+            });
+            fitted(start, &rows);
+            last = Some(all.split_off(all.len() - columns));
         }
-        if sums[1] > 0.0 { sums[0] / sums[1] } else { data[c].at(x, y) }
-    };
-    for (c, plane) in planes.iter_mut().enumerate() {
-        plane.fill(|x, y| value(x, y, c));
+        ControlFlow::Continue(())
     }
-    planes
-}
 
-/// Anchors of some rows.
-struct Band<'a> {
-    data: &'a ColorPlanes,
-    guide: &'a PatchGuide,
-    features: &'a FeaturePlanes,
-    first: usize,
-    /// Weighted predictions of red, green and blue, and the weights: rows from RADIUS above the first one, columns from
-    /// LANES to the left.
-    sums: &'a mut [[Lanes; 4]],
-}
-
-/// Weights of a group of anchors for each offset of the window.
-type Weights = Vec<Lanes>;
-
-impl Band<'_> {
-    fn predict(&mut self) {
-        let [width, height] = self.data[0].size;
-        let rows: Vec<usize> = (self.first..(self.first + BAND).min(height)).filter(|y| y % ROWS == 0).collect();
-        let groups = width.div_ceil(LANES);
+    /// What the anchors of a part predict.
+    fn predict(&self, part: Part) -> Predictions {
+        let RegressedHalf { source, half, factors, variance } = *self;
+        let [a, b, c, d, e, f] = part.mirrored(RADIUS + PATCH, |i| {
+            let [a, b, c] = lowered(source, half, factors, i);
+            let [d, e, f] = variance.map(|plane| plane.values[i]);
+            [a, b, c, d, e, f]
+        });
+        let guide = PatchGuide { color: [a, b, c], variance: [d, e, f] };
+        let features = part.windows(RADIUS + PATCH, |i| {
+            let ([a, b, c], [d, e, f]) = (source.normal(i), source.albedo(i));
+            [a, b, c, d, e, f, source.nearness(i)]
+        });
+        let inside = part.inside(RADIUS + PATCH);
+        let groups = part.size[0].div_ceil(LANES);
+        let rows: Vec<usize> = (0..part.size[1]).filter(|y| (part.at[1] + y).is_multiple_of(ROWS)).collect();
         let mut weights: Weights = vec![[0.0; LANES]; groups * rows.len() * WINDOW];
         let mut scratch = Vec::new();
         for offset in 0..WINDOW {
-            let kernel = Distances {
-                guide: self.guide,
-                features: self.features,
+            InstructionSet::run(Distances {
+                guide: &guide,
+                inside: &inside,
                 rows: &rows,
                 offset,
                 weights: &mut weights,
                 scratch: &mut scratch,
-            };
-            InstructionSet::run(kernel);
+            });
         }
+        let groups_of_sums = groups + 2;
+        let sums = vec![[[0.0; LANES]; 4]; groups_of_sums * (part.size[1] + 2 * RADIUS)];
+        let mut predictions = Predictions { part, groups: groups_of_sums, sums };
         for (number, y) in rows.iter().enumerate() {
             for group in 0..groups {
                 let weights = &weights[(number * groups + group) * WINDOW..][..WINDOW];
-                InstructionSet::run(Fit { band: self, x: group * LANES, y: *y, weights });
+                InstructionSet::run(Fit {
+                    data: &guide.color,
+                    features: &features,
+                    x: group * LANES,
+                    y: *y,
+                    weights,
+                    predictions: &mut predictions,
+                });
             }
+        }
+        predictions
+    }
+}
+
+/// What non-local means compare: light and its variance, both mirrored at the picture's edges.
+struct PatchGuide {
+    color: [Window; 3],
+    variance: [Window; 3],
+}
+
+/// Predictions of the anchors of a part.
+struct Predictions {
+    part: Part,
+    /// The number of groups of columns.
+    groups: usize,
+    /// Weighted predictions of red, green and blue, and the weights: rows from RADIUS above the part, columns from
+    /// LANES to the left.
+    sums: Vec<[Lanes; 4]>,
+}
+
+impl Predictions {
+    /// Whether some of a row's pixels are predicted.
+    fn reaches(&self, y: usize) -> bool {
+        y + RADIUS >= self.part.at[1] && y < self.part.at[1] + self.part.size[1] + RADIUS
+    }
+
+    /// Adds what is predicted for a pixel of a row that is reached.
+    fn add(&self, x: usize, y: usize, sums: &mut [f32; 4]) {
+        let [left, top] = self.part.at;
+        if x + RADIUS < left || x >= left + self.part.size[0] + RADIUS {
+            return;
+        }
+        let (row, column) = (y + RADIUS - top, x + LANES - left);
+        let cell = &self.sums[row * self.groups + column / LANES];
+        for (sum, values) in sums.iter_mut().zip(cell) {
+            *sum += values[column % LANES];
         }
     }
 }
+
+/// Weights of a group of anchors for each offset of the window.
+type Weights = Vec<Lanes>;
 
 /// The place of an offset of the window.
 #[inline(always)]
@@ -129,18 +191,11 @@ fn reach(offset: usize) -> [isize; 2] {
 /// The weights of all anchors of a band for one offset.
 struct Distances<'a> {
     guide: &'a PatchGuide,
-    features: &'a FeaturePlanes,
+    inside: &'a Window,
     rows: &'a [usize],
     offset: usize,
     weights: &'a mut Weights,
     scratch: &'a mut Vec<f32>,
-}
-
-#[inline(always)]
-fn load(plane: &Plane, index: usize) -> Lanes {
-    let mut lanes = [0.0; LANES];
-    lanes.copy_from_slice(&plane.values[index..index + LANES]);
-    lanes
 }
 
 impl Kernel for Distances<'_> {
@@ -148,7 +203,7 @@ impl Kernel for Distances<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Distances { guide, features, rows, offset, weights, scratch } = self;
+        let Distances { guide, inside, rows, offset, weights, scratch } = self;
         let PatchGuide { color, variance } = guide;
         let plane = &color[0];
         let width = plane.size[0].next_multiple_of(LANES);
@@ -200,7 +255,7 @@ impl Kernel for Distances<'_> {
                 }
                 let p = plane.index(x, *y);
                 let q = (p as isize + shift) as usize;
-                let inside = load(&features.inside, q);
+                let inside = inside.load(q);
                 let weight = &mut weights[(number * groups + group) * WINDOW + offset];
                 for i in 0..LANES {
                     let e = e[i] * scale;
@@ -212,33 +267,25 @@ impl Kernel for Distances<'_> {
 }
 
 /// The fits of a group of anchors, and what they predict.
-struct Fit<'a, 'b> {
-    band: &'a mut Band<'b>,
+struct Fit<'a> {
+    data: &'a [Window; 3],
+    features: &'a [Window; 7],
     x: usize,
     y: usize,
     weights: &'a [Lanes],
+    predictions: &'a mut Predictions,
 }
 
-impl Kernel for Fit<'_, '_> {
+impl Kernel for Fit<'_> {
     type Answer = ();
 
     #[inline(always)]
     fn run(self) {
-        let Fit { band, x, y, weights } = self;
-        let features = band.features;
-        let center = features.nearness.index(x, y);
-        let planes = [
-            &features.normal[0],
-            &features.normal[1],
-            &features.normal[2],
-            &features.albedo[0],
-            &features.albedo[1],
-            &features.albedo[2],
-            &features.nearness,
-        ];
-        let at_center = planes.map(|plane| load(plane, center));
+        let Fit { data, features, x, y, weights, predictions } = self;
+        let center = features[6].index(x, y);
+        let at_center = [0, 1, 2, 3, 4, 5, 6].map(|k: usize| features[k].load(center));
         let scale_of_nearness = at_center[6].map(|v| if v > 0.0 { 1.0 / v } else { 1.0 });
-        let stride = features.nearness.stride as isize;
+        let stride = features[6].stride as isize;
         let terms = |offset: usize| -> ([Lanes; TERMS], usize) {
             let [dx, dy] = reach(offset);
             let q = (center as isize + dy * stride + dx) as usize;
@@ -246,7 +293,7 @@ impl Kernel for Fit<'_, '_> {
             terms[1] = [dx as f32 / RADIUS as f32; LANES];
             terms[2] = [dy as f32 / RADIUS as f32; LANES];
             for k in 0..7 {
-                let values = load(planes[k], q);
+                let values = features[k].load(q);
                 for i in 0..LANES {
                     terms[3 + k][i] = values[i] - at_center[k][i];
                 }
@@ -260,7 +307,7 @@ impl Kernel for Fit<'_, '_> {
         let mut right = [[[0.0; LANES]; TERMS]; 3];
         for (offset, w) in weights.iter().enumerate() {
             let (terms, q) = terms(offset);
-            let data = [0, 1, 2].map(|c| load(&band.data[c], q));
+            let data = [0, 1, 2].map(|c: usize| data[c].load(q));
             let mut number = 0;
             for a in 0..TERMS {
                 let mut weighted = [0.0; LANES];
@@ -326,7 +373,6 @@ impl Kernel for Fit<'_, '_> {
                 }
             }
         }
-        let groups = band.data[0].size[0].div_ceil(LANES) + 2;
         for (offset, w) in weights.iter().enumerate() {
             let (terms, _) = terms(offset);
             let mut predicted = [[0.0; LANES]; 3];
@@ -338,14 +384,14 @@ impl Kernel for Fit<'_, '_> {
                 }
             }
             let [dx, dy] = reach(offset);
-            let row = (y - band.first) as isize + dy + RADIUS as isize;
+            let row = y as isize + dy + RADIUS as isize;
             let column = (x + LANES) as isize + dx;
             // The lanes fall into two groups of the sums.
             let (group, lane) = (column as usize / LANES, column as usize % LANES);
-            let cell = row as usize * groups + group;
+            let cell = row as usize * predictions.groups + group;
             for i in 0..LANES {
                 let (cell, lane) = if lane + i < LANES { (cell, lane + i) } else { (cell + 1, lane + i - LANES) };
-                let sums = &mut band.sums[cell];
+                let sums = &mut predictions.sums[cell];
                 sums[0][lane] += w[i] * predicted[0][i];
                 sums[1][lane] += w[i] * predicted[1][i];
                 sums[2][lane] += w[i] * predicted[2][i];
@@ -355,4 +401,4 @@ impl Kernel for Fit<'_, '_> {
     }
 }
 
-const _: () = assert!(RADIUS + PATCH <= MARGIN && RADIUS <= LANES);
+const _: () = assert!(RADIUS <= LANES && RADIUS < PART[1] && PART[1].is_multiple_of(ROWS));

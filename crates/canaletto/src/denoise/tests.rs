@@ -227,39 +227,49 @@ fn odd_pictures_are_denoised() {
     assert!(denoised(&broken, DenoiseQuality::Good).color.iter().all(|c| c.is_finite()));
 }
 
-/// A plane of the mean `light` with even noise.
-fn noisy_plane(size: [usize; 2], seed: u64, light: impl Fn(usize, usize) -> f32 + Sync) -> Plane {
+/// Colours of the mean `light` with even noise, in rows of `width` pixels.
+fn even_noise([width, height]: [usize; 2], seed: u64, light: impl Fn(usize) -> f32) -> Vec<Rgb> {
     let mut numbers = Numbers(seed);
-    let noise: Vec<f32> = (0..size[0] * size[1]).map(|_| 2.0 * numbers.next()).collect();
-    Plane::of(size, |i| light(i % size[0], i / size[0]) * noise[i])
+    (0..width * height).map(|i| Rgb::gray(2.0 * numbers.next() * light(i % width))).collect()
 }
 
-fn flat_features(size: [usize; 2], normal: &[[f32; 3]]) -> FeaturePlanes {
-    let n = size[0] * size[1];
-    FeaturePlanes::new(size, Some(normal), Some(&vec![[0.5; 3]; n]), Some(&vec![1.0; n]))
+/// A picture of two halves, whose features are those of one plane but for normals.
+fn of_halves(size: [usize; 2], halves: [Vec<Rgb>; 2], normal: Vec<[f32; 3]>) -> NoisyPicture {
+    NoisyPicture {
+        width: size[0] as u32,
+        height: size[1] as u32,
+        color: halves[0].iter().zip(&halves[1]).map(|(a, b)| (*a + *b) * 0.5).collect(),
+        halves: Some(halves),
+        albedo: None,
+        normal: Some(normal),
+        depth: Some(vec![1.0; size[0] * size[1]]),
+    }
 }
 
-fn picture_mean(plane: &Plane, of: impl Fn(usize, usize) -> bool) -> f64 {
-    let [width, height] = plane.size;
-    let places = (0..width * height).map(|i| (i % width, i / width)).filter(|&(x, y)| of(x, y));
-    let (sum, count) = places.fold((0.0, 0), |(sum, count), (x, y)| (sum + f64::from(plane.at(x, y)), count + 1));
+fn ones(size: [usize; 2]) -> [Plane; 2] {
+    [0, 1].map(|_| Plane::of(size, |_| 1.0))
+}
+
+fn picture_mean(plane: &Plane, of: impl Fn(usize) -> bool) -> f64 {
+    let values = plane.values.iter().enumerate().filter(|(i, _)| of(i % plane.size[0])).map(|(_, v)| f64::from(*v));
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
     sum / f64::from(count)
 }
 
 /// An outlier's light is all there, seen nowhere, and in proportion to the light that was there.
 #[test]
 fn the_light_of_an_outlier_is_spread_and_unseen() {
-    let size = [90, 60];
-    let takers = [0, 1, 2].map(|_| Plane::of(size, |i| if i % 90 < 45 { 1.0 } else { 0.01 }));
+    let size = [91, 60];
+    let taker = |i: usize| if i % size[0] < 45 { 1.0 } else { 0.01 };
     for (removed, is_lost) in [(0.5, false), (20.0, false), (1000.0, true)] {
-        let outlier = [0, 1, 2].map(|_| Plane::of(size, |i| if i == 30 * 90 + 40 { removed } else { 0.0 }));
-        let (spread, lost) = spread_outliers(&outlier, &takers);
-        let total = |plane: &Plane| picture_mean(plane, |_, _| true) * (90 * 60) as f64;
-        let kept: f64 = spread.iter().map(total).sum();
+        let outlier = |i: usize| if i == 30 * size[0] + 40 { [removed; 3] } else { [0.0; 3] };
+        let (spread, lost) = spread_outliers(size, outlier, |i| [taker(i); 3]);
+        let added: Vec<f64> = (0..size[0] * size[1]).map(|i| f64::from(spread.at(i)[0] * taker(i))).collect();
+        let kept = 3.0 * added.iter().sum::<f64>();
         assert!((kept + lost - 3.0 * f64::from(removed)).abs() < 1e-3 * f64::from(removed), "{kept} + {lost}");
         assert_eq!(lost > 0.0, is_lost, "{removed}: {lost}");
-        for (add, taker) in spread[0].values.iter().zip(&takers[0].values) {
-            assert!(*add <= 0.0201 * taker, "{removed}: {add} on {taker}");
+        for (i, add) in added.iter().enumerate() {
+            assert!(*add <= 0.0201 * f64::from(taker(i)), "{removed}: {add} at {i}");
         }
     }
 }
@@ -267,17 +277,24 @@ fn the_light_of_an_outlier_is_spread_and_unseen() {
 /// A firefly is lowered to what is around it; a lamp that one half missed stays.
 #[test]
 fn outliers_are_lowered_and_lamps_stay() {
-    let size = [9, 9];
-    let half = |firefly: f32| [0, 1, 2].map(|_| Plane::of(size, |i| if i == 40 { firefly } else { 1.0 }));
+    let half = |firefly: f32| (0..81).map(|i| Rgb::gray(if i == 40 { firefly } else { 1.0 })).collect::<Vec<Rgb>>();
     for (albedo, expected) in [(0.5, 1.5), (1.0, 100.0)] {
-        let albedo: Vec<[f32; 3]> = (0..81).map(|i| [if i == 40 { albedo } else { 0.5 }; 3]).collect();
-        let features = FeaturePlanes::new(size, None, Some(&albedo), None);
-        let (lowered, removed) = lower_outliers(&half(100.0), &half(1.0), &features);
-        assert!((lowered[0].at(4, 4) - expected).abs() < 1e-4, "{}", lowered[0].at(4, 4));
+        let picture = |other: f32| NoisyPicture {
+            albedo: Some((0..81).map(|i| [if i == 40 { albedo } else { 0.5 }; 3]).collect()),
+            ..of_halves([9, 9], [half(100.0), half(other)], vec![[0.0, 0.0, 1.0]; 81])
+        };
+        let lowered = |other: f32| {
+            let picture = picture(other);
+            let source = Source::new(&picture);
+            let factors = lowering(&source);
+            let removed = removed_light(&source, 0, &factors[0]) / f64::from(source.exposure);
+            (source.color(0, 40)[0] / source.exposure * factors[0].values[40], removed)
+        };
+        let (color, removed) = lowered(1.0);
+        assert!((color - expected).abs() < 1e-4, "{color}");
         assert!((removed - 3.0 * f64::from(100.0 - expected)).abs() < 1e-3, "{removed}");
         // The other half confirms what it met, too.
-        let (confirmed, _) = lower_outliers(&half(100.0), &half(80.0), &features);
-        assert_eq!(confirmed[0].at(4, 4), 100.0);
+        assert_eq!(lowered(80.0).0, 100.0);
     }
 }
 
@@ -285,71 +302,69 @@ fn outliers_are_lowered_and_lamps_stay() {
 #[test]
 fn variances_are_those_of_halves_and_keep_to_surfaces() {
     let size = [64, 48];
-    let light = |x: usize, _: usize| if x < 32 { 1.0 } else { 0.1 };
-    let (a, b) = (noisy_plane(size, 1, light), noisy_plane(size, 2, light));
-    let normal: Vec<[f32; 3]> =
-        (0..64 * 48).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }).collect();
-    let [variance] = averaged(&[half_variance(&a, &b)], &flat_features(size, &normal));
-    let (left, right) = (picture_mean(&variance, |x, _| x < 32), picture_mean(&variance, |x, _| x == 32));
-    assert!((left - 1.0 / 3.0).abs() < 0.03, "{left}");
-    assert!((right - 0.01 / 3.0).abs() < 0.001, "{right}");
+    let light = |x: usize| if x < 32 { 1.0 } else { 0.1 };
+    let normal = (0..64 * 48).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }).collect();
+    let picture = of_halves(size, [1, 2].map(|seed| even_noise(size, seed, light)), normal);
+    let source = Source::new(&picture);
+    let unit = f64::from(source.exposure).powi(2);
+    for variance in variance(&source, &ones(size)) {
+        let (left, right) = (picture_mean(&variance, |x| x < 32) / unit, picture_mean(&variance, |x| x == 32) / unit);
+        assert!((left - 1.0 / 3.0).abs() < 0.03, "{left}");
+        assert!((right - 0.01 / 3.0).abs() < 0.001, "{right}");
+    }
 }
 
 /// Wavelets keep an edge between two normals that the noise hides. They blur it on an even surface.
 #[test]
 fn wavelets_keep_edges_of_normals() {
     let size = [64, 192];
-    let light = |x: usize, _: usize| if x < 32 { 1.0 } else { 0.9 };
-    let half = |seed| {
-        let plane = noisy_plane(size, seed, light);
-        let variance = Plane::of(size, |i| light(i % 64, 0).powi(2) / 3.0);
-        Half { color: [0, 1, 2].map(|_| plane.clone()), variance }
-    };
+    let light = |x: usize| if x < 32 { 1.0 } else { 0.9 };
     let step = |right: [f32; 3]| {
-        let normal: Vec<[f32; 3]> =
-            (0..size[0] * size[1]).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { right }).collect();
-        let [filtered, _] = atrous([half(1), half(2)], &flat_features(size, &normal), false);
-        picture_mean(&filtered[0], |x, _| x == 31) - picture_mean(&filtered[0], |x, _| x == 32)
+        let normal = (0..size[0] * size[1]).map(|i| if i % 64 < 32 { [0.0, 0.0, 1.0] } else { right }).collect();
+        let picture = of_halves(size, [1, 2].map(|seed| even_noise(size, seed, light)), normal);
+        let source = Source::new(&picture);
+        let unit = f64::from(source.exposure);
+        let variance = Plane::of(size, |i| light(i % 64).powi(2) / 3.0 * source.exposure.powi(2));
+        let [filtered, _] = atrous(&source, &ones(size), &variance);
+        (picture_mean(&filtered[0], |x| x == 31) - picture_mean(&filtered[0], |x| x == 32)) / unit
     };
     let (kept, blurred) = (step([1.0, 0.0, 0.0]), step([0.0, 0.0, 1.0]));
     assert!((kept - 0.1).abs() < 0.03 && blurred < 0.05, "{kept} and {blurred}");
 }
 
+/// The colours and the shares of two noisy halves of mean 1 and of even candidates.
+fn chosen(halves: &[Vec<Rgb>; 2], candidates: &[f32], direct: &[bool]) -> (Vec<Rgb>, Vec<f64>) {
+    let size = [48, 40];
+    let pair = |i: usize| [halves[0][i].to_array(), halves[1][i].to_array()];
+    let mut errors = vec![Plane::of(size, |i| square_error(pair(i), pair(i)))];
+    errors.extend(candidates.iter().map(|v| Plane::of(size, |i| square_error(pair(i), [[*v; 3]; 2]))));
+    choose(errors, |n, i| if n == 0 { mean(pair(i)) } else { [candidates[n - 1]; 3] }, direct)
+}
+
 /// Of two filters the better one is chosen, and the noisy picture before a bad one.
 #[test]
 fn the_filter_of_the_least_error_is_chosen() {
-    let size = [48, 40];
-    let color = |plane: Plane| [0, 1, 2].map(|_| plane.clone());
-    let light = [1, 2].map(|seed| color(noisy_plane(size, seed, |_, _| 1.0)));
-    let (one, none) = (color(Plane::of(size, |_| 1.0)), Plane::new(size));
-    let candidate = |value: f32| Candidate { halves: [0, 1].map(|_| color(Plane::of(size, |_| value))) };
-    let noisy = || Candidate { halves: light.clone() };
-    let (_, shares) = choose(&light, &[noisy(), candidate(1.3), candidate(1.05)], &one, &one[0], &none);
-    assert!(shares[2] > 0.9, "{shares:?}");
-    let (_, shares) = choose(&light, &[noisy(), candidate(3.0)], &one, &one[0], &none);
-    assert!(shares[0] > 0.9, "{shares:?}");
+    let halves = [1, 2].map(|seed| even_noise([48, 40], seed, |_| 1.0));
+    let (none, all) = (vec![false; 48 * 40], vec![true; 48 * 40]);
+    assert!(chosen(&halves, &[1.3, 1.05], &none).1[2] > 0.9);
+    assert!(chosen(&halves, &[3.0], &none).1[0] > 0.9);
     // Pixels that are seen directly stay, also among others.
-    let (_, shares) = choose(&light, &[noisy(), candidate(1.0)], &one, &one[0], &one[0]);
-    assert!(shares[0] > 0.999, "{shares:?}");
-    let direct = Plane::of(size, |i| if i == 48 * 20 + 24 { 1.0 } else { 0.0 });
-    let (chosen, _) = choose(&light, &[noisy(), candidate(1.0)], &one, &one[0], &direct);
-    let mean = 0.5 * (light[0][0].at(24, 20) + light[1][0].at(24, 20));
-    assert_eq!((chosen[0].at(24, 20), chosen[0].at(25, 20)), (mean, 1.0));
+    assert!(chosen(&halves, &[1.0], &all).1[0] > 0.999);
+    let at = 48 * 20 + 24;
+    let direct: Vec<bool> = (0..48 * 40).map(|i| i == at).collect();
+    let (colors, _) = chosen(&halves, &[1.0], &direct);
+    assert_eq!((colors[at], colors[at + 1]), ((halves[0][at] + halves[1][at]) * 0.5, Rgb::WHITE));
 }
 
 /// A filter with nearly the noisy picture's error is better, but not by enough. Here the mean of both halves has
 /// the mean square error ½, and noise sums to zero over squares.
 #[test]
 fn a_filter_has_to_be_better_by_a_tenth() {
-    let size = [48, 40];
-    let color = |plane: Plane| [0, 1, 2].map(|_| plane.clone());
     let sign = |n: usize| if n.is_multiple_of(2) { 1.0 } else { -1.0 };
-    let light = [color(Plane::of(size, |i| 2.0 + sign(i % 48))), color(Plane::of(size, |i| 2.0 + sign(i / 48)))];
-    let (one, none) = (color(Plane::of(size, |_| 1.0)), Plane::new(size));
+    let half = |of: fn(usize) -> usize| (0..48 * 40).map(|i| Rgb::gray(2.0 + sign(of(i)))).collect::<Vec<Rgb>>();
+    let halves = [half(|i| i % 48), half(|i| i / 48)];
     for (share, is_chosen) in [(0.8f32, true), (0.98, false)] {
-        let filtered = color(Plane::of(size, |_| 2.0 + (0.5 * share).sqrt()));
-        let candidates = [Candidate { halves: light.clone() }, Candidate { halves: [filtered.clone(), filtered] }];
-        let (_, shares) = choose(&light, &candidates, &one, &one[0], &none);
+        let (_, shares) = chosen(&halves, &[2.0 + (0.5 * share).sqrt()], &[false; 48 * 40]);
         assert_eq!(shares[1] > 0.9, is_chosen, "{share}: {shares:?}");
     }
 }
@@ -387,7 +402,9 @@ fn fine_textures_stay_in_a_wide_picture() {
 /// Running sums are those of the values.
 #[test]
 fn large_boxes_sum_what_small_ones_do() {
-    let plane = noisy_plane([23, 70], 3, |x, y| (x + y) as f32);
+    let mut numbers = Numbers(3);
+    let values: Vec<f32> = (0..23 * 70).map(|i| numbers.next() * (i % 23 + i / 23) as f32).collect();
+    let plane = Plane::of([23, 70], |i| values[i]);
     for radius in [1, 4, 5, 30] {
         let (sum, mean) = (plane.box_sum(radius), plane.box_mean(radius));
         for (x, y) in [(0usize, 0usize), (5, 40), (22, 69), (11, 33)] {
@@ -401,6 +418,78 @@ fn large_boxes_sum_what_small_ones_do() {
             assert!((sum.at(x, y) - expected).abs() < 1e-4 * expected, "{radius} at {x}, {y}");
             assert!((mean.at(x, y) - expected / count).abs() < 1e-4 * expected / count, "{radius} at {x}, {y}");
         }
+    }
+}
+
+/// What no light has is counted, and filled from what is around it: in the colours, in a half, in any layer.
+#[test]
+fn pixels_that_are_no_light_are_filled() {
+    let truth = Truth::new();
+    let whole = truth.noisy(Noise::Even, 64, 5);
+    let clean = denoised(&whole, DenoiseQuality::Good);
+    assert_eq!(clean.filled, FilledPixels::default());
+    let plain = |picture: &NoisyPicture| NoisyPicture { halves: None, ..picture.clone() };
+    let plain_clean = denoised(&plain(&whole), DenoiseQuality::Good);
+    let places = [20 * SIDE + 30, 20 * SIDE + 31, 50 * SIDE + 63, 0];
+    for broken in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -5.0] {
+        let color = |mut colors: Vec<Rgb>| {
+            places.iter().for_each(|i| colors[*i].g = broken);
+            colors
+        };
+        let feature = |mut values: Vec<[f32; 3]>| {
+            places.iter().for_each(|i| values[*i][1] = if broken == -5.0 { f32::NAN } else { broken });
+            values
+        };
+        let mut picture = whole.clone();
+        picture.color = color(picture.color);
+        picture.halves = picture.halves.map(|[a, b]| [color(a), color(b)]);
+        picture.albedo = picture.albedo.map(feature);
+        picture.normal = picture.normal.map(feature);
+        picture.depth.iter_mut().for_each(|depth| depth[7] = f32::NAN);
+        for (picture, clean) in [(picture.clone(), &clean), (plain(&picture), &plain_clean)] {
+            let filled = denoised(&picture, DenoiseQuality::Good);
+            assert_eq!((filled.filled.colors, filled.filled.features), (4, 5), "{broken}");
+            for &i in &places {
+                let (a, b) = (filled.color[i].to_array(), clean.color[i].to_array());
+                let is_near = a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.15 * b);
+                assert!(is_near, "{broken} at {i}: {a:?}, not {b:?}");
+            }
+        }
+    }
+    // A filter's lobes beside a bright edge lead below black, and stay.
+    let mut rung = plain(&whole);
+    (rung.color[10 * SIDE + 10], rung.color[10 * SIDE + 11]) = (Rgb::gray(-0.5), Rgb::gray(8.0));
+    assert_eq!(denoised(&rung, DenoiseQuality::Fast).filled.colors, 0);
+}
+
+/// A hole is filled from its rim inwards, and a picture without any light is black.
+#[test]
+fn holes_and_whole_pictures_are_filled() {
+    let hole = |i: usize| (20..44).contains(&(i % SIDE)) && (20..44).contains(&(i / SIDE));
+    let color = |is_broken: &dyn Fn(usize) -> bool| -> Vec<Rgb> {
+        (0..SIDE * SIDE).map(|i| if is_broken(i) { Rgb::gray(f32::NAN) } else { Rgb::new(1.0, 2.0, 3.0) }).collect()
+    };
+    let picture = |color: Vec<Rgb>| NoisyPicture { width: 64, height: 64, color, ..NoisyPicture::default() };
+    let filled = denoised(&picture(color(&hole)), DenoiseQuality::Good);
+    assert_eq!(filled.filled.colors, 24 * 24);
+    let is_near = |c: &Rgb| [c.r - 1.0, c.g - 2.0, c.b - 3.0].iter().all(|d| d.abs() < 1e-5);
+    assert!(filled.color.iter().all(is_near));
+    let black = denoised(&picture(color(&|_| true)), DenoiseQuality::Good);
+    assert_eq!(black.filled.colors, 64 * 64);
+    assert!(black.color.iter().all(|c| *c == Rgb::BLACK));
+}
+
+/// One pixel of nearly endless light doesn't take the others.
+#[test]
+fn the_largest_light_leaves_the_rest() {
+    let mut picture = Truth::new().noisy(Noise::Even, 64, 5);
+    let expected = denoised(&picture, DenoiseQuality::Good);
+    picture.halves.iter_mut().for_each(|halves| halves[1][20 * SIDE + 30] = Rgb::gray(3e38));
+    let bright = denoised(&picture, DenoiseQuality::Good);
+    let far = |i: &usize| (i % SIDE).abs_diff(30) > 8 || (i / SIDE).abs_diff(20) > 8;
+    for i in (0..SIDE * SIDE).filter(far) {
+        let (a, b) = (bright.color[i].g, expected.color[i].g);
+        assert!((a - b).abs() < 0.3 * b, "{a}, not {b}, at {i}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Observers of a render.
 
-use crate::film::Picture;
+use crate::film::{NoiseOutlook, Picture};
+use std::fmt;
 use std::ops::ControlFlow;
 
 /// An observer of a render, which may cancel it. Its methods are called from many threads.
@@ -37,7 +38,7 @@ pub struct Progress {
 }
 
 /// A picture after a pass of samples.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 #[non_exhaustive]
 pub struct PassProgress<'a> {
     /// The number of samples of each pixel that still needed some.
@@ -50,6 +51,23 @@ pub struct PassProgress<'a> {
     pub noise: Option<f32>,
     /// The picture so far, with its layers.
     pub picture: &'a Picture,
+    pub(crate) outlook: &'a dyn Fn() -> NoiseOutlook,
+}
+
+impl PassProgress<'_> {
+    /// What is left of the noise. It takes about as long as a look at each pixel.
+    pub fn outlook(&self) -> NoiseOutlook {
+        (self.outlook)()
+    }
+}
+
+impl fmt::Debug for PassProgress<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PassProgress { samples, next, pixels_left, noise, .. } = self;
+        let mut fields = f.debug_struct("PassProgress");
+        fields.field("samples", samples).field("next", next).field("pixels_left", pixels_left);
+        fields.field("noise", noise).finish_non_exhaustive()
+    }
 }
 
 /// The progress of solving radiosity.

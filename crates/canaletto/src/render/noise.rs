@@ -13,6 +13,7 @@
 //! that has stopped goes on again when that becomes true. So a cell rests on the samples of 24 × 24 pixels, 36,864 at
 //! least.
 
+use crate::film::{NoisiestPixels, SamplesLeft};
 use crate::math::Rgb;
 
 /// The error of each cell.
@@ -26,6 +27,8 @@ pub(super) struct NoiseEstimate {
     squares: Vec<f32>,
     /// The relative error of each cell with its uncertainty, in rows from the upper left.
     errors: Vec<f32>,
+    /// The brightness to which the error of each cell is relative.
+    scales: Vec<f64>,
     /// Whether a cell needs more samples.
     needed: Vec<bool>,
 }
@@ -49,6 +52,7 @@ impl NoiseEstimate {
             light: vec![0.0; pixels],
             squares: vec![0.0; pixels],
             errors: vec![f32::INFINITY; cells],
+            scales: vec![0.0; cells],
             needed: vec![true; cells],
         }
     }
@@ -74,6 +78,75 @@ impl NoiseEstimate {
     /// The largest relative error of a cell; infinite if one is unknown.
     pub(super) fn largest(&self) -> f32 {
         self.errors.iter().fold(0.0, |most, error| if *error <= most { most } else { error.max(most) })
+    }
+
+    /// The number of pixels.
+    pub(super) fn pixels(&self) -> usize {
+        self.squares.len()
+    }
+
+    /// The fewest pixels that hold half of the noise, by their places after `origin`. None while nothing is known.
+    pub(super) fn noisiest(&self, origin: [u32; 2]) -> Option<NoisiestPixels> {
+        /// The most pixels that are listed.
+        const MOST_LISTED: usize = 256;
+        let [width, _] = self.size;
+        let place = |pixel: usize| [pixel as u32 % width, pixel as u32 / width];
+        let noise = |pixel: usize| {
+            let scale = self.scales[Self::cell_of(place(pixel), width)];
+            let noise = f64::from(self.squares[pixel]) / (scale * scale);
+            if noise.is_finite() { noise } else { 0.0 }
+        };
+        let mut noisy: Vec<(f64, usize)> =
+            (0..self.pixels()).map(|i| (noise(i), i)).filter(|(v, _)| *v > 0.0).collect();
+        noisy.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let all: f64 = noisy.iter().map(|(noise, _)| noise).sum();
+        if noisy.is_empty() {
+            return None;
+        }
+        let (mut sum, mut number) = (0.0, 0);
+        while sum < 0.5 * all && number < noisy.len() {
+            sum += noisy[number].0;
+            number += 1;
+        }
+        let places = noisy[..number.min(MOST_LISTED)].iter().map(|(noise, pixel)| {
+            let [x, y] = place(*pixel);
+            ([origin[0] + x, origin[1] + y], noise / all)
+        });
+        let pixels = number as f64 / self.pixels() as f64;
+        Some(NoisiestPixels { pixels, noise: sum / all, places: places.collect() })
+    }
+
+    /// The samples that are left, of pixels that have `counts` and get at most `end`. Each cell needs what the noisiest
+    /// of its neighbours needs, n (error / limit)² samples instead of n. None while no error is known.
+    pub(super) fn samples_left(&self, counts: &[u32], end: u32) -> Option<SamplesLeft> {
+        let [across, down] = self.size.map(|side| side.div_ceil(Self::CELL));
+        let mut cells = vec![(0.0f64, 0.0f64); self.errors.len()];
+        for (pixel, count) in counts.iter().enumerate() {
+            let place = [pixel as u32 % self.size[0], pixel as u32 / self.size[0]];
+            let (pixels, samples) = &mut cells[Self::cell_of(place, self.size[0])];
+            *pixels += 1.0;
+            *samples += f64::from(*count);
+        }
+        let needed = |x: u32, y: u32| {
+            let cell = (y * across + x) as usize;
+            let ratio = f64::from(self.errors[cell] / self.limit);
+            let count = cells[cell].1 / cells[cell].0;
+            (count * (ratio * ratio).max(1.0)).max(f64::from(Self::LEAST_SAMPLES))
+        };
+        let (mut made, mut left, mut most) = (0.0, 0.0, 0.0f64);
+        for y in 0..down {
+            for x in 0..across {
+                let rows = y.saturating_sub(1)..(y + 2).min(down);
+                let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(across)).map(move |x| [x, y]));
+                let needed = around.map(|[x, y]| needed(x, y)).filter(|n| n.is_finite()).fold(0.0, f64::max);
+                let (pixels, samples) = cells[(y * across + x) as usize];
+                made += samples;
+                left += (pixels * needed.min(f64::from(end)) - samples).max(0.0);
+                most = most.max(needed);
+            }
+        }
+        let is_known = self.errors.iter().any(|error| error.is_finite());
+        is_known.then_some(SamplesLeft { made, left, most, is_out_of_reach: most > f64::from(end) })
     }
 
     /// Decides which cells need more than `count` samples. Returns the number of their pixels.
@@ -102,7 +175,8 @@ impl NoiseEstimate {
         let mut lights: Vec<f64> = sums.iter().map(|(light, ..)| *light).filter(|light| *light > 0.0).collect();
         lights.sort_unstable_by(f64::total_cmp);
         let darkest = lights.get(lights.len() / 2).map_or(0.0, |middle| middle * Self::DARKEST);
-        for (error, (light, deviation, _)) in self.errors.iter_mut().zip(&sums) {
+        for ((error, scale), (light, deviation, _)) in self.errors.iter_mut().zip(&mut self.scales).zip(&sums) {
+            *scale = light.max(darkest);
             *error = if *deviation == 0.0 { 0.0 } else { (deviation / light.max(darkest)) as f32 };
         }
         // An unknown error is no number, and so not small enough.
@@ -151,6 +225,31 @@ mod tests {
         assert_eq!(noise.needed, [true, true, false, true, true, false, false, false, false]);
         assert_eq!(estimate(1.01 * exact, 16.0).judge(64), 0);
         assert_eq!(estimate(0.99 * exact, 16.0).judge(64), 16 * 16);
+    }
+
+    /// One pixel with all noise, and the samples that it asks for: 4 times those of an error twice as large.
+    #[test]
+    fn the_noisiest_pixels_and_the_samples_left() {
+        let mut noise = estimate(0.1, 16.0);
+        noise.judge(64);
+        let noisiest = noise.noisiest([100, 50]).unwrap();
+        assert_eq!((noisiest.pixels, noisiest.noise), (1.0 / 400.0, 1.0));
+        assert_eq!(noisiest.places, [([100, 50], 1.0)]);
+        let limit = noise.largest() / 2.0;
+        let mut noise = estimate(limit, 16.0);
+        noise.judge(64);
+        let left = noise.samples_left(&[64; 400], 1 << 20).unwrap();
+        assert!((left.most - 256.0).abs() < 1e-3 && !left.is_out_of_reach, "{left:?}");
+        // The cell and its three neighbours, of 16 × 16 pixels.
+        assert!((left.left - 256.0 * 192.0).abs() < 1.0 && left.made == 400.0 * 64.0, "{left:?}");
+        let short = noise.samples_left(&[64; 400], 128).unwrap();
+        assert!((short.left - 256.0 * 64.0).abs() < 1.0 && short.is_out_of_reach, "{short:?}");
+        // Even noise: half of it is in half of the pixels.
+        let mut even = NoiseEstimate::new([16, 16], 0.1);
+        (0..256).for_each(|pixel| even.set(pixel, Rgb::WHITE, [Rgb::gray(0.5), Rgb::gray(1.5)]));
+        even.judge(64);
+        assert_eq!(even.noisiest([0, 0]).map(|noisiest| noisiest.pixels), Some(0.5));
+        assert_eq!(NoiseEstimate::new([16, 16], 0.1).noisiest([0, 0]), None);
     }
 
     #[test]

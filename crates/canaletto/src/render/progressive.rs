@@ -6,7 +6,7 @@
 use super::aov_probe::AovProbe;
 use super::noise::NoiseEstimate;
 use super::{PixelRenderer, Rendering, StopOnDrop, in_squares};
-use crate::film::{BlockMean, SampleBlocks, SampleStatistics, TileBuffer, block_sizes};
+use crate::film::{BlockMean, NoiseOutlook, SampleBlocks, SampleStatistics, TileBuffer, block_sizes};
 use crate::integrator::{Cancelled, Counts, PreparedRayIntegrator, RayIntegrator};
 use crate::job::{Aov, BLUE_NOISE, Job, JobError, Observer, PassProgress, Progress};
 use crate::scene::SamplerKind;
@@ -150,12 +150,14 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
             count = next;
             needed = self.judge(&shared, count, end);
             let shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let outlook = || self.outlook(shared.noise.as_ref(), end);
             let progress = PassProgress {
                 samples: count,
                 next: (needed > 0).then(|| next_count(count, end)),
                 pixels_left: needed,
                 noise: shared.noise.as_ref().map(NoiseEstimate::largest),
                 picture: &shared.rendering.picture,
+                outlook: &outlook,
             };
             needs_pass = observer.pass_ended(&progress).is_continue() && needed > 0;
         }
@@ -165,7 +167,36 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         if let (Some(statistics), Some(noise)) = (&mut rendering.statistics, &noise) {
             statistics.noise = Some(noise.largest());
         }
+        if let Some(statistics) = &mut rendering.statistics {
+            statistics.outlook = Some(self.outlook(noise.as_ref(), end));
+        }
         rendering
+    }
+
+    /// What is left of the noise of pixels that get at most `end` samples.
+    fn outlook(&self, noise: Option<&NoiseEstimate>, end: u32) -> NoiseOutlook {
+        let [left, top, width, _] = self.job.window();
+        let mut counts = Vec::new();
+        let (mut statistics, mut squares, mut samples) = (SampleStatistics::default(), 0.0, 0.0);
+        counts.resize(noise.map_or(0, NoiseEstimate::pixels), 0);
+        for tile in &self.tiles {
+            let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+            statistics.add(&tile.statistics);
+            let [x, y, tile_width, _] = tile.area;
+            for (pixel, &count) in tile.blocks.counts().iter().enumerate() {
+                let mean = tile.blocks.mean(pixel).to_array().map(f64::from);
+                samples += f64::from(count);
+                squares += f64::from(count) * mean.iter().map(|v| v * v).sum::<f64>();
+                let (column, row) = (pixel as u32 % tile_width, pixel as u32 / tile_width);
+                let to = (y - top + row) as usize * width as usize + (x - left + column) as usize;
+                counts.get_mut(to).into_iter().for_each(|own| *own = count);
+            }
+        }
+        let clamp =
+            if self.job.clamp.is_none() { statistics.clamp_outlook(squares / f64::max(samples, 1.0)) } else { None };
+        let noisiest = noise.and_then(|noise| noise.noisiest([left, top]));
+        let left = noise.and_then(|noise| noise.samples_left(&counts, end));
+        NoiseOutlook { noisiest, left, clamp }
     }
 
     /// The number of pixels that need more than `count` samples, of at most `end`.

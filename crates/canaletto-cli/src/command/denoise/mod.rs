@@ -3,7 +3,7 @@
 mod independence;
 
 use crate::command_files::{CommandFiles, FolderFlag};
-use crate::denoiser::{Denoiser, blacken_uncovered, lacks, of_image, told};
+use crate::denoiser::{Denoiser, blacken_uncovered, filled_told, lacks, of_image, told};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
@@ -138,6 +138,10 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     let alpha = decoded.image.channel("A").map(<[f32]>::to_vec).unwrap_or_default();
     blacken_uncovered(&mut denoised.color, &alpha);
     let time = start.elapsed();
+    if denoised.filled.colors == denoised.color.len() as u64 {
+        let message = format!("{name}: none of its pixels is light: all are NaN, infinite or negative");
+        return Err(Failure::new(Exit::Scene, message).help("give the picture as it was rendered"));
+    }
     let settings = EncodeSettings { window: Some(decoded.window), ..EncodeSettings::default() };
     let is_linear = format.capabilities().is_some_and(|can| can.linear);
     let colors = |pixels: &[Rgb]| pixels.iter().map(|c| c.to_array()).collect::<Vec<_>>();
@@ -162,6 +166,9 @@ fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
     };
     write_file(&flags.output, &bytes.map_err(|e| unfit(&e))?)?;
     if !flags.quiet {
+        if let Some(filled) = filled_told(denoised.filled) {
+            eprint_line(&format!("warning: {name}: {filled}"));
+        }
         eprint_line(&told(&denoised, time));
     }
     Ok(Exit::Done)
