@@ -10,6 +10,10 @@ const RADIUS: usize = 3;
 /// A filter has to be better than the first candidate, the noisy picture, by this share of its error.
 const DOUBT: f32 = 0.1;
 
+/// The noisy picture needs half of a square of this radius around a pixel. Smaller islands of it are errors of the
+/// estimate: they would stay as grains in what is smooth.
+const ISLAND: usize = 6;
+
 /// The square error of the mean of the filtered halves `filtered`, as far as a pixel of both halves tells it.
 ///
 /// A half B is the true light plus noise that a filtered half F of A has no part in. (F − B)² is therefore the error of
@@ -50,6 +54,15 @@ pub(super) fn choose(
         let errors = errors.iter().enumerate().map(|(n, plane)| plane.values[i] + if n == 0 { 0.0 } else { doubt });
         *best =
             errors.enumerate().fold((0, f32::INFINITY), |best, (n, e)| if e < best.1 { (n as u8, e) } else { best }).0;
+    }
+    if count > 1 {
+        let noisy = Plane::of(size, |i| if best[i] == 0 && !direct[i] { 1.0 } else { 0.0 }).box_mean(ISLAND);
+        let is_island = |i: usize| best[i] == 0 && noisy.values[i] < 0.5;
+        let islands: Vec<usize> = (0..best.len()).filter(|i| is_island(*i)).collect();
+        for i in islands {
+            let filters = errors.iter().enumerate().skip(1).map(|(n, plane)| (n as u8, plane.values[i]));
+            best[i] = filters.fold((1, f32::INFINITY), |best, other| if other.1 < best.1 { other } else { best }).0;
+        }
     }
     drop(errors);
     let shares: Vec<Plane> = (0..count as u8)

@@ -190,7 +190,7 @@ pub fn denoise(
     let removed = 0.5 * (removed_light(source, 0, &factors[0]) + removed_light(source, 1, &factors[1]));
     let lost = 0.5 * (spread[0].lost + spread[1].lost);
     let total = source.total() * f64::from(source.exposure);
-    let share = |light: f64| if total > 0.0 { light / total } else { 0.0 };
+    let share = |light: f64| if light > 0.0 && total > 0.0 { light / total } else { 0.0 };
     ControlFlow::Continue(DenoisedPicture {
         color,
         outlier_light: share(removed),

@@ -1,7 +1,8 @@
 //! What denoising reads of a picture: its light and its features, without numbers that are none.
 
+use super::plane::Plane;
 use super::repair::{FilledPixels, is_no_light, repaired};
-use super::{LEAST_ALBEDO, NoisyPicture};
+use super::{LAMP, LEAST_ALBEDO, NoisyPicture};
 use crate::math::Rgb;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -23,6 +24,15 @@ pub(super) struct Source<'a> {
     nearness_scale: f64,
     pub(super) filled: FilledPixels,
 }
+
+/// The radius of the squares whose means are the albedo without its fine structure, and of those over which the light
+/// is compared with it.
+const SMOOTH: usize = 2;
+const COMPARED: usize = 3;
+/// The light shows none of the albedo's structure below the first share of it, and all of it from the second one on.
+const SHOWN: [f32; 2] = [0.2, 0.7];
+/// A pixel counts as at most this many times the mean of its neighbours, so that fireflies show no structure.
+const MOST_DETAIL: f32 = 3.0;
 
 /// Light above this many times the typical one counts as this much, so that squares don't overflow.
 const MOST_LIGHT: f32 = 1e15;
@@ -79,7 +89,45 @@ impl<'a> Source<'a> {
         if mean > 0.0 && mean.is_finite() {
             source.nearness_scale = 1.0 / mean;
         }
+        source.shrink_albedo();
         source
+    }
+
+    /// Replaces the fine structure of the albedo by as much of it as the light shows, too: the regression of the light's
+    /// structure on that of the albedo. Texture is in both. The rays of the features are others than those of the
+    /// picture, so that the noise of lenses, coats and glass is in one of them only.
+    fn shrink_albedo(&mut self) {
+        let Some(albedo) = &self.albedo else { return };
+        let color = |i: usize| {
+            let [a, b] = [0, 1].map(|half: usize| self.halves[half][i].to_array());
+            [0, 1, 2].map(|c: usize| (0.5 * (a[c] + b[c]) * self.exposure).min(MOST_LIGHT))
+        };
+        let smooth = |value: &(dyn Fn(usize) -> [f32; 3] + Sync)| {
+            [0, 1, 2].map(|c: usize| Plane::of(self.size, |i| value(i)[c]).box_mean(SMOOTH))
+        };
+        let (colors, albedos) = (smooth(&color), smooth(&|i| albedo[i]));
+        let detail = |v: f32, mean: f32| if mean > 0.0 { (v / mean).min(MOST_DETAIL) - 1.0 } else { 0.0 };
+        let details = |i: usize| {
+            let (color, albedo) = (color(i), albedo[i]);
+            let of = |c: usize| [detail(color[c], colors[c].values[i]), detail(albedo[c], albedos[c].values[i])];
+            [of(0), of(1), of(2)]
+        };
+        let compared = |value: &(dyn Fn(&[f32; 2]) -> f32 + Sync)| {
+            Plane::of(self.size, |i| details(i).iter().map(value).sum()).box_mean(COMPARED).box_mean(1)
+        };
+        let (both, own) = (compared(&|[color, albedo]| color * albedo), compared(&|[_, albedo]| albedo * albedo));
+        let shrunk = (0..albedo.len()).into_par_iter().map(|i| {
+            let share = if own.values[i] > 1e-6 { both.values[i] / own.values[i] } else { 1.0 };
+            let share = ((share - SHOWN[0]) / (SHOWN[1] - SHOWN[0])).clamp(0.0, 1.0);
+            // Lamps and the background are known by their albedo.
+            let is_lamp = albedo[i].iter().any(|v| *v > LAMP);
+            let kept = if is_lamp { 1.0 } else { share };
+            [0, 1, 2].map(|c: usize| {
+                let mean = albedos[c].values[i];
+                mean + kept * (albedo[i][c] - mean)
+            })
+        });
+        self.albedo = Some(Cow::Owned(shrunk.collect()));
     }
 
     /// A repaired copy of the picture that was read.

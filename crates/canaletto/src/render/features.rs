@@ -13,6 +13,9 @@ use rayon::prelude::*;
 /// The least and the largest number of camera rays for the features of a pixel.
 const RAYS: [u32; 2] = [8, 32];
 
+/// What tells the rays of features from those of the picture. So what both share is no noise.
+const SEED: u64 = 0x6665_6174_7572_6573;
+
 /// The job with the layers that integrators make, if there are others.
 pub(super) fn without_features(job: &Job) -> Option<Job> {
     let made: Vec<Aov> = job.aovs.iter().copied().filter(|aov| !aov.is_of_denoising()).collect();
@@ -27,6 +30,7 @@ pub(super) fn add_layers(world: &World, job: &Job, rendering: &mut Rendering, ob
         let rays = job.film.sampling.count().clamp(RAYS[0], RAYS[1]);
         let mut job = job.clone();
         job.film.sampling = Sampling::Sampled(rays);
+        job.seed ^= SEED;
         let prepared = PreparedPath::without_lights(world);
         let cancelled = |_| observer.cancelled();
         let rows = (0..height).into_par_iter().map_init(
