@@ -71,7 +71,7 @@ impl Memory {
 /// The memory of a picture in bytes: its channels, its samples, what denoising takes, and the encoded form.
 pub(crate) fn picture(job: &Job, format: Format, denoises: bool) -> u64 {
     /// What denoising takes for each pixel besides the picture with its layers, as measured.
-    const DENOISING: u64 = 104;
+    const DENOISING: u64 = 80;
     let [_, _, width, height] = job.window();
     let pixels = u64::from(width) * u64::from(height);
     let kept = if denoises { with_layers(job) } else { job.clone() };

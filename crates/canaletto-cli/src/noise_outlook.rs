@@ -50,9 +50,9 @@ impl Outlook {
         let noise = if noise.is_finite() { format!("the noise is {noise:.3}; ") } else { String::new() };
         if left.is_out_of_reach {
             let most = count(self.most_samples.into());
+            let end = if seconds_left > 0.0 { format!(", in about {time}") } else { String::new() };
             return format!(
-                "{noise}{asked} would take about {samples} samples in the noisiest pixels, and they get {most}, in about \
-                 {time}"
+                "{noise}{asked} would take about {samples} samples in the noisiest pixels, and they get {most}{end}"
             );
         }
         format!("{noise}{asked} takes about {time} more, and {samples} samples in the noisiest pixels")
@@ -98,7 +98,11 @@ impl Outlook {
     /// The fields of an event.
     pub(crate) fn json(&self) -> Value {
         let noisiest = self.noise.noisiest.as_ref().map(|noisiest| {
-            let objects = self.objects.iter().take(8).map(|(name, share)| json!({ "object": name, "share": share }));
+            let objects = self
+                .objects
+                .iter()
+                .take(8)
+                .map(|(name, share)| json!({ "object": name.trim_matches('"'), "share": share }));
             json!({
                 "pixels": noisiest.pixels, "noise": noisiest.noise,
                 "pixel": noisiest.places.first().map(|(place, _)| place), "objects": objects.collect::<Vec<_>>(),

@@ -11,7 +11,7 @@
 //! Pixels that are no light, such as NaN, are filled from those around them first. Everything is deterministic and the
 //! same for any number of threads.
 //!
-//! A step hands planes of numbers to the next one, at most about 90 bytes for a pixel, and reads the picture itself
+//! A step hands planes of numbers to the next one, at most about 105 bytes for a pixel, and reads the picture itself
 //! where it stands.
 
 mod atrous;
