@@ -46,7 +46,7 @@ const FIGURES: [(&str, bool); 26] = [
 ];
 
 /// Other scenes whose pictures the book shows, by folder and name.
-const PICTURES: [(&str, &str); 10] = [
+const PICTURES: [(&str, &str); 9] = [
     ("scenes", "zbuffer"),
     ("scenes", "mesh-pictures"),
     ("scenes", "sky"),
@@ -55,16 +55,18 @@ const PICTURES: [(&str, &str); 10] = [
     ("scenes/chapter", "horizon-points"),
     ("scenes", "depth-of-field"),
     ("scenes", "motion-blur"),
-    ("scenes", "rough"),
     ("scenes/chapter", "soft-shadow-sampled"),
 ];
 
-/// Large pictures, of which one part is rendered again: scene, and the part's left, top, width and height.
-const PARTS: [(&str, [u32; 4]); 4] = [
-    ("grand-canal", [440, 320, 128, 72]),
-    ("gyroid", [300, 200, 96, 64]),
-    ("still-life", [300, 250, 240, 160]),
-    ("path", [120, 210, 40, 30]),
+/// Pictures of many pixels or samples, of which one part is rendered again: scene, the size and the samples that its
+/// command gives instead of the scene's, and the part's left, top, width and height.
+type PictureOfPart = (&'static str, Option<([u32; 2], u32)>, [u32; 4]);
+const PARTS: [PictureOfPart; 5] = [
+    ("grand-canal", None, [440, 320, 128, 72]),
+    ("gyroid", None, [300, 200, 96, 64]),
+    ("still-life", None, [300, 250, 240, 160]),
+    ("path", Some(([600, 450], 1024)), [180, 315, 40, 30]),
+    ("rough", Some(([540, 340], 1024)), [240, 210, 48, 16]),
 ];
 
 fn scene(folder: &str, name: &str) -> Scene {
@@ -172,8 +174,13 @@ fn figures_look_as_they_did_when_people_looked_at_them() {
 
 #[test]
 fn parts_of_large_pictures_look_as_they_did() {
-    for (name, part) in PARTS {
+    for (name, given, part) in PARTS {
         let mut scene = scene("scenes", name);
+        if let Some((size, samples)) = given {
+            let intrinsics = &mut scene.views[0].intrinsics;
+            [intrinsics.width, intrinsics.height] = size;
+            scene.film.sampling = Sampling::Sampled(samples);
+        }
         scene.film.crop = Some(part);
         let (film, developing) = (scene.film, scene.film.developing(&scene.integrator));
         let picture = picture(scene).picture;
