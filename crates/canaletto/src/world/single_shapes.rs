@@ -136,7 +136,7 @@ mod tests {
         let ball = |i: u32| {
             let (center, transform) = place(i as f32);
             let shape = Shape::from(Sphere { center, radius: 0.5 });
-            Node { transform: transform.into(), casts_shadow: i % 3 != 0, ..Node::from(shape) }
+            Node { transform: transform.into(), casts_shadow: !i.is_multiple_of(3), ..Node::from(shape) }
         };
         let scene = Scene { nodes: (0..COUNT).map(ball).collect(), ..Scene::default() };
         let policy = InstancingPolicy { alone, ..InstancingPolicy::default() };
@@ -166,7 +166,7 @@ mod tests {
                 let all = |world: &World| {
                     world.intersect(&ray, f32::INFINITY).map(|hit| {
                         let blocked =
-                            world.occlusion(&ray, f32::INFINITY, 0.0, &mut OccluderCache::NONE) != Occlusion::Nothing;
+                            world.occlusion(&ray, f32::INFINITY, 0.0, &mut OccluderCache::NONE.clone()) != Occlusion::Nothing;
                         (hit.t.to_bits(), hit.uv.map(f32::to_bits), world.object_id(&hit), blocked)
                     })
                 };
