@@ -182,14 +182,19 @@ fn parts_of_large_pictures_look_as_they_did() {
             scene.film.sampling = Sampling::Sampled(samples);
         }
         scene.film.crop = Some(part);
-        let (film, developing) = (scene.film, scene.film.developing(&scene.integrator));
+        let (film, mut developing) = (scene.film, scene.film.developing(&scene.integrator));
+        let whole = std::fs::read(root().join("docs/pictures").join(format!("{name}.png"))).unwrap();
+        let whole = decode(&whole).unwrap();
+        // The whole picture's exposure was metered in the whole picture.
+        if let Some((_, stops)) = whole.metadata.iter().find(|(key, _)| key == "auto-exposure") {
+            developing.exposure = stops.parse().unwrap();
+        }
         let picture = picture(scene).picture;
         let shown = develop(&picture, &developing);
         let image = Image::from_rgb(picture.width, picture.height, shown.iter().map(|c| c.to_array()));
         let png = PictureFormat::Png.encode_image(&image, film.transfer, &EncodeSettings::default(), &[]).unwrap();
         let ours = decode(&png).unwrap().image;
-        let whole = std::fs::read(root().join("docs/pictures").join(format!("{name}.png"))).unwrap();
-        let whole = decode(&whole).unwrap().image;
+        let whole = whole.image;
         let [left, top, width, height] = part.map(|n| n as usize);
         assert_eq!((ours.width as usize, ours.height as usize), (width, height));
         for (ours, whole_channel) in ours.channels.iter().zip(&whole.channels) {

@@ -189,7 +189,7 @@ const TYPED: &[Typed] = &[
     (BOX, "light doubled", |s| light(s, 0).intensity = light(s, 0).intensity * 2.0, Mistake::LightIntensity),
     (ROOM, "kd of the floor", |s| phong(s, "yellow").kd = Rgb::new(0.2, 0.5, 0.3), Mistake::DiffuseFactor),
     (ROOM, "k doubled", |s| phong(s, "red").k = phong(s, "red").k * 2.0, Mistake::ReflectionFactor),
-    (ROOM, "ambient tripled", |s| s.ambient = s.ambient * 3.0, Mistake::AmbientFactor),
+    (ROOM, "ambient tripled", |s| s.ambient *= 3.0, Mistake::AmbientFactor),
     (BOX, "another background", |s| s.background = Rgb::new(0.1, 0.2, 0.5), Mistake::Background),
     (ROOM, "ball missing", |s| s.nodes.retain(|n| n.name.as_deref() != Some("small ball")), Mistake::MissingObject),
     (GLASS, "eta 1.5", |s| phong(s, "glass").eta = 1.5, Mistake::Eta),
@@ -225,7 +225,7 @@ const TYPED_SECOND_HAND: &[Typed] = &[
     (YARD, "k of chrome", |s| phong(s, "chrome").k = Rgb::gray(0.9), Mistake::ReflectionFactor),
     (DESK, "eta 1.2", |s| phong(s, "lens").eta = 1.2, Mistake::Eta),
     (YARD, "block missing", |s| s.nodes.retain(|n| n.name.as_deref() != Some("block")), Mistake::MissingObject),
-    (DESK, "ambient halved", |s| s.ambient = s.ambient * 0.5, Mistake::AmbientFactor),
+    (DESK, "ambient halved", |s| s.ambient *= 0.5, Mistake::AmbientFactor),
     (YARD, "lights' intensities exchanged", exchange_lights, Mistake::LightsExchanged),
 ];
 
@@ -259,10 +259,10 @@ fn sun(scene: &mut Scene, towards: [f32; 3]) {
 
 fn divide_kd(scene: &mut Scene, by: f32) {
     // The ambient term stays.
-    scene.ambient = scene.ambient * by;
+    scene.ambient *= by;
     scene.materials.iter_mut().for_each(|material| {
         let phong = material.model.phong_mut();
-        phong.kd = phong.kd * (1.0 / by);
+        phong.kd *= 1.0 / by;
     });
 }
 
@@ -352,7 +352,7 @@ fn wrong_lobes_are_never_right() {
             let mut other = own.clone();
             other.materials.iter_mut().for_each(|material| {
                 let phong = material.model.phong_mut();
-                phong.ks = phong.ks * factor;
+                phong.ks *= factor;
             });
             let picture = StudentTracer::new(&other, Stage::Full, None).picture(SIZE, 1);
             let grade = graded(&own, values(&picture), StudentPicture::ROUNDED);

@@ -1,5 +1,6 @@
-//! Parts of round shapes: their light by closed forms, and two parts beside the whole. Rectangles as objects: their light by closed forms, and the pictures of meshes with equal corners. Elements of
-//! objects: their numbers in every integrator.
+//! Parts of round shapes: their light by closed forms, and two parts beside the whole. Rectangles as objects: their
+//! light by closed forms, and the pictures of meshes with equal corners. Elements of objects: their numbers in every
+//! integrator.
 
 use canaletto::camera::Camera;
 use canaletto::light::{Emission, Light, LightKind, RectangleLight};
@@ -184,9 +185,9 @@ fn elements_are_numbered_by_the_rows_of_their_tables() {
     }
 }
 
-/// From a point on the axis every part of a round surface is seen in proportion to its angle. The whole disk of radius R
-/// at height h has the form factor R²/(R² + h²), and the wall of a tube that stands on the floor the rest, h²/(R² + h²)
-/// (Howell, *A Catalog of Radiation Heat Transfer Configuration Factors*, B-12).
+/// From a point on the axis every part of a round surface is seen in proportion to its angle. The whole disk of radius
+/// R at height h has the form factor R²/(R² + h²), and the wall of a tube that stands on the floor the rest, h²/(R² +
+/// h²) (Howell, *A Catalog of Radiation Heat Transfer Configuration Factors*, B-12).
 #[test]
 fn light_of_parts_is_their_share_of_the_whole() {
     let path = PathSettings::DEFAULT;

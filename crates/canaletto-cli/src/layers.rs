@@ -156,7 +156,7 @@ mod tests {
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> =
             Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();
-        assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 7 * 3 + 1 + 1 + 1 + 3 + 3 + 3 + 1);
+        assert_eq!(names.len(), 3 + 1 + 3 + 3 + 2 + 1 + 1 + 1 + 7 * 3 + 1 + 1 + 1 + 3 + 3 + 3 + 1);
         assert_eq!(names, channel_names(false, &job.aovs));
         for layer in &picture.layers {
             let (image, _) = to_image(layer, &picture, &job.developing(), &world.bounds());

@@ -47,7 +47,8 @@ impl Memory {
                 preparation: held.saturating_sub(now) + passing.bytes,
                 preparation_at_most: passing.at_most,
                 picture,
-                peak: peak.max(held + picture.max(known)),
+                // The allocator keeps most of what a preparation gives back.
+                peak: peak.max(held + picture + known),
             }
         };
         let of_job = job.and_then(|job| while_prepared(world, job, prepared).ok());

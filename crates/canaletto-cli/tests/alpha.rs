@@ -54,8 +54,8 @@ fn rgb(picture: &Decoded) -> Vec<[f32; 3]> {
     (0..r.len()).map(|i| [r[i], g[i], b[i]]).collect()
 }
 
-/// Surfaces whose light doesn't depend on the background: a dark ball before a bright one, one of half coverage, and one
-/// of half opacity that bends nothing. By paths they must not scatter: they emit.
+/// Surfaces whose light doesn't depend on the background: a dark ball before a bright one, one of half coverage, and
+/// one of half opacity that bends nothing. By paths they must not scatter: they emit.
 const SCENE: &str = r#"
 camera { eye 0 0 10; center 0 0 0; fovy 30; size 40 24 }
 material "bright" { kd 0.8 0.5 0.2; emission 0.3 0.2 0.1 }
@@ -193,8 +193,8 @@ fn alpha_is_what_a_ray_meets() {
     }
 }
 
-/// A PNG has straight alpha: colours are divided by it before the tone curve. Over white and black in linear light it is
-/// the picture with that background, to the rounding of its levels, so that edges have no fringes.
+/// A PNG has straight alpha: colours are divided by it before the tone curve. Over white and black in linear light it
+/// is the picture with that background, to the rounding of its levels, so that edges have no fringes.
 #[test]
 fn a_png_has_straight_alpha() {
     let folder = Folder::new(SCENE);

@@ -546,8 +546,8 @@ box material="white" { min -2.1 1.8 -2; max -2 2.5 3 }
 box material="white" { min -2.1 1 -0.6; max -2 1.8 3 }
 "#;
 
-/// A room by day is shown as a photo, with nothing said: neither dark nor white. Parts of it, previews, films and pictures
-/// that go on have the same exposure, and files that are developed later take it over.
+/// A room by day is shown as a photo, with nothing said: neither dark nor white. Parts of it, previews, films and
+/// pictures that go on have the same exposure, and files that are developed later take it over.
 #[test]
 fn a_room_is_a_photo_by_default() {
     let folder = Folder::new();

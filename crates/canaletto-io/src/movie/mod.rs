@@ -157,8 +157,8 @@ pub struct Movie {
 
 /// A writer of frames in a format.
 trait Frames {
-    /// Adds a frame: red, green and blue of each pixel, and alpha, if the film has it. Only `area` differs from the frame
-    /// before.
+    /// Adds a frame: red, green and blue of each pixel, and alpha, if the film has it. Only `area` differs from the
+    /// frame before.
     fn add(&mut self, index: u32, pixels: &[u8], area: Area) -> Result<(), MovieError>;
     /// Ends the film after all frames, or ends a partial film, which goes to another path.
     fn finish(self: Box<Self>, part: Option<Part<'_>>) -> Result<(), MovieError>;

@@ -1,5 +1,5 @@
-//! The channels of a rendered picture in a file: red, green and blue in linear light, alpha if it has one, then those of
-//! its layers. Colours are multiplied by alpha, as OpenEXR asks.
+//! The channels of a rendered picture in a file: red, green and blue in linear light, alpha if it has one, then those
+//! of its layers. Colours are multiplied by alpha, as OpenEXR asks.
 
 use super::{Channel, Image};
 use canaletto::Named;

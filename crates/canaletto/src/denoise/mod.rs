@@ -307,8 +307,8 @@ const LAMP: f32 = 0.999;
 /// The ratio of a lamp's edge's albedo to the least one beside it.
 const EDGE: f32 = 1.03;
 
-/// Where lamps or the background fill a pixel, and a lamp's edge. The largest component of their albedo is 1, as that of
-/// nothing else. On an edge the albedo is above that of the wall beside it.
+/// Where lamps or the background fill a pixel, and a lamp's edge. The largest component of their albedo is 1, as that
+/// of nothing else. On an edge the albedo is above that of the wall beside it.
 fn seen_directly(source: &Source<'_>) -> Vec<bool> {
     let size = source.size;
     let largest = |i: usize| source.albedo(i).into_iter().fold(0.0, f32::max);

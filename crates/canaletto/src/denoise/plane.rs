@@ -1,8 +1,8 @@
 //! Planes of numbers for whole pictures, and windows of them with a margin, so that kernels need no bounds.
 //!
-//! Filters work on strips of rows, and within a strip on parts of a few hundred pixels. A part copies what it reads into
-//! windows. So whole planes exist only of what one step hands to the next, and memory doesn't grow with the number of
-//! layers that a step reads.
+//! Filters work on strips of rows, and within a strip on parts of a few hundred pixels. A part copies what it reads
+//! into windows. So whole planes exist only of what one step hands to the next, and memory doesn't grow with the number
+//! of layers that a step reads.
 
 use rayon::prelude::*;
 

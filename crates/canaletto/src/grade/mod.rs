@@ -481,8 +481,8 @@ impl Grader<'_> {
             let share = if best.fitted.is_some() { 0.3 } else { 0.4 };
             best.error <= share * without.error && without.error - best.error >= least_gain
         };
-        // A picture of one ray for each pixel has next to no error if it is right. Edges by other filters have some, but
-        // no mistake explains them.
+        // A picture of one ray for each pixel has next to no error if it is right. Edges by other filters have some,
+        // but no mistake explains them.
         let doubted = if self.is_sharp { SHARP_ERROR } else { 0.1 };
         let is_doubtful =
             |best: &Guess<'_>| without.error > doubted && best.error <= 0.1 * without.error && !is_faultless;

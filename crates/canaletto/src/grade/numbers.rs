@@ -379,7 +379,7 @@ impl Subject<'_> {
                 for node in &mut scene.nodes {
                     let Content::Light(light) = &mut node.content else { continue };
                     if *number == Number::AllIntensities {
-                        light.intensity = light.intensity * x[0] as f32;
+                        light.intensity *= x[0] as f32;
                     } else {
                         light.attenuation = [light.attenuation[0], x[0] as f32, x[1] as f32];
                     }
@@ -425,9 +425,9 @@ impl Subject<'_> {
                         let phong = material.model.phong_mut();
                         let f = x[0] as f32;
                         match coefficient {
-                            Kd => phong.kd = phong.kd * f,
-                            Ks => phong.ks = phong.ks * f,
-                            K => phong.k = phong.k * f,
+                            Kd => phong.kd *= f,
+                            Ks => phong.ks *= f,
+                            K => phong.k *= f,
                             N => phong.n *= f,
                             Eta | Opacity => return None,
                         }
@@ -437,7 +437,7 @@ impl Subject<'_> {
                     }
                     if *coefficient == Kd {
                         // The ambient term stays as it is.
-                        scene.ambient = scene.ambient * (1.0 / x[0].max(1e-6) as f32);
+                        scene.ambient *= 1.0 / x[0].max(1e-6) as f32;
                     }
                 }
                 Whose::Material(i) => set(scene.materials[*i].model.phong_mut(), *coefficient, x)?,

@@ -29,6 +29,9 @@ const FEWEST_BEYOND: usize = 4;
 /// The most regions that are listed.
 const MOST_REGIONS: usize = 4;
 
+/// A rule that takes a region or not, by its pixels and by whether a column and a row belong to it.
+type RegionRule<'a> = &'a dyn Fn(&[usize], &dyn Fn(i64, i64) -> bool) -> bool;
+
 impl Grader<'_> {
     /// The connected pixels of one object that differ from a hypothesis, the largest regions first. Thin lines don't
     /// count, since edges depend on where exactly rays go.
@@ -264,7 +267,7 @@ impl Grader<'_> {
         seen: &Seen<'_>,
         [shown, student]: [&[DVec3]; 2],
         object: &[u32],
-        takes: &dyn Fn(&[usize], &dyn Fn(i64, i64) -> bool) -> bool,
+        takes: RegionRule<'_>,
     ) -> Vec<WrongRegion> {
         let [left, top, width, height] = self.job.window();
         let (w, h) = (width as usize, height as usize);

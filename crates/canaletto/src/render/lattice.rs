@@ -162,7 +162,8 @@ impl Lattice {
         }
     }
 
-    /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component, and alphas, too.
+    /// Whether the displayed colours at a pixel's sites differ by at most `threshold` in each component, and alphas,
+    /// too.
     pub(super) fn is_even(&self, probes: &FilterSites, pixel: [i64; 2], threshold: f32) -> bool {
         let (mut least, mut most) = ([1.0f32; 4], [0.0f32; 4]);
         for (site, _) in &probes.sites {

@@ -1,7 +1,7 @@
 //! Parallelograms: rectangles as objects, and the surfaces of rectangular lights.
 //!
-//! Texture coordinates are in [0, 1]². Seen from the outer side with the edge `v` upwards, u grows along the edge `u` and
-//! v downwards, against the edge `v`, so that an image stands upright.
+//! Texture coordinates are in [0, 1]². Seen from the outer side with the edge `v` upwards, u grows along the edge `u`
+//! and v downwards, against the edge `v`, so that an image stands upright.
 
 use super::mesh::Corners;
 use super::{ShapeHit, Surface, SurfaceDifferential, solve, triangle};

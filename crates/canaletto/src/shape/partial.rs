@@ -1,7 +1,7 @@
 //! Parts of cylinders, cones and disks: those between two half-planes through the axis.
 //!
-//! Angles are counted as u of (5.45a) counts them, so that a texture stays where it is on the whole shape. Parts bound no
-//! volume. They are surfaces with two sides, as open cylinders are.
+//! Angles are counted as u of (5.45a) counts them, so that a texture stays where it is on the whole shape. Parts bound
+//! no volume. They are surfaces with two sides, as open cylinders are.
 
 use super::frustum::Frustum;
 use super::solve::{self, Frame};

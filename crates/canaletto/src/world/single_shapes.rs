@@ -165,8 +165,8 @@ mod tests {
                 let ray = Ray::new(origin, Vec3::new(0.01, 0.0, -1.0));
                 let all = |world: &World| {
                     world.intersect(&ray, f32::INFINITY).map(|hit| {
-                        let blocked =
-                            world.occlusion(&ray, f32::INFINITY, 0.0, &mut OccluderCache::NONE.clone()) != Occlusion::Nothing;
+                        let blocked = world.occlusion(&ray, f32::INFINITY, 0.0, &mut OccluderCache::NONE.clone())
+                            != Occlusion::Nothing;
                         (hit.t.to_bits(), hit.uv.map(f32::to_bits), world.object_id(&hit), blocked)
                     })
                 };

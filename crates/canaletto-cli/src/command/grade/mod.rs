@@ -25,8 +25,8 @@ use std::path::{Path, PathBuf};
 ///
 /// The picture is compared with each stage of the chapter, and with each stage rendered with one of the usual mistakes.
 /// If none explains it, the scene's own numbers are fitted to it. The simplest hypothesis that explains it is printed.
-/// A mistake is named only if it explains the picture clearly better than no mistake. A picture is right if no connected
-/// region of an object differs. Edges may differ, so that anti-aliasing and rounding don't count.
+/// A mistake is named only if it explains the picture clearly better than no mistake. A picture is right if no
+/// connected region of an object differs. Edges may differ, so that anti-aliasing and rounding don't count.
 ///
 /// The scene is rendered in the size of the picture. Formats are PNG, PPM, JPEG, WebP, Radiance HDR and OpenEXR.
 #[derive(Args, Clone, Debug)]

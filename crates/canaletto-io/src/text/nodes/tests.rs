@@ -89,6 +89,9 @@ const MORE: &[&str] = &[
     "material \"m\" { conductor { eta 1 1 1; k 1 1 1 }; alpha 0.1 }",
     "material \"m\" { dielectric 1.5; absorption 0.1 0.2 0.3 }",
     "material \"m\" { standard { base { weight 1; diffuse-roughness 0 }; specular { weight 1; color 1; anisotropy 0 }; coat { color 1; anisotropy 0; ior 1.6; darkening 1 }; fuzz { roughness 0.5 }; thin-film { ior 1.4 }; transmission { dispersion-scale 0; dispersion-abbe-number 20 }; opacity 1; thin-walled #true; preset \"velvet\" } }",
+    "cylinder { base 0 0 0; top 0 1 0; radius 1; angle 90; start-angle 10 }",
+    "cone { base 0 0 0; top 0 1 0; radius 1; angle 90; start-angle 10 }",
+    "disk { center 0 0 0; normal 0 1 0; radius 1; angle 90; start-angle 10 }",
     "path \"p\" { points 0 0 0  1 0 0 }\ncamera { follow \"p\" along=#true }",
     "path \"p\" { points 0 0 0  1 0 0 }\nsphere { center { follow \"p\" at=1 }; radius 1 }",
 ];
