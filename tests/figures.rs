@@ -66,7 +66,7 @@ const PARTS: [PictureOfPart; 5] = [
     ("gyroid", None, [300, 200, 96, 64]),
     ("still-life", None, [300, 250, 240, 160]),
     ("path", Some(([600, 450], 1024)), [180, 315, 40, 30]),
-    ("rough", Some(([540, 340], 1024)), [240, 210, 48, 16]),
+    ("rough", Some(([540, 340], 512)), [240, 210, 48, 16]),
 ];
 
 fn scene(folder: &str, name: &str) -> Scene {

@@ -108,7 +108,7 @@ fn the_pictures_of_presets_are_what_paths_see() {
         scene.film.sampling = Sampling::Sampled(match (bless(), surface.transmission.weight > 0.0) {
             (false, _) => 16,
             // Light that lamps send through clear bodies is the noisiest.
-            (true, true) => 1024,
+            (true, true) => 512,
             (true, false) => 256,
         });
         scene.materials[ball].set_standard(surface);

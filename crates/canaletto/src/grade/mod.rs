@@ -4,7 +4,7 @@
 //! Each hypothesis is a stage with or without a [`Mistake`]. A plain tracer renders it at the pixels of the student's
 //! picture, and the one with the least error wins. A mistake is named only if it is clearly better than having none. At
 //! edges any colour between those of the pixel's corners and centre is right, since it depends on where exactly rays
-//! go. Only [`Mistake::RayPlace`] looks at edges closely.
+//! go. A remark tells of other places of rays. A picture is right if no connected region of one object is wrong.
 
 mod display;
 mod finding;
