@@ -606,8 +606,8 @@ mod tests {
             let distribution = EnvironmentDistribution::new(&environment).unwrap();
             // Quadrature over (u, v): dω = 2π² sin θ du dv.
             // No step crosses the border of two blocks, where densities jump.
-            let [columns, rows] =
-                [(size[0] * 2, 360u32), (size[1] * 8, 720)].map(|(step, most)| step * most.div_ceil(step));
+            let steps = [(distribution.size[0] * 2, 360), (distribution.texel_rows() * 2 * POLAR, 720)];
+            let [columns, rows] = steps.map(|(step, fewest)| (step * usize::div_ceil(fewest, step)) as u32);
             let places = (0..columns * rows).map(|i| [(i % columns, columns), (i / columns, rows)]);
             let places = places.map(|place| place.map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n)));
             let seen: Vec<(DVec3, f64, f64)> = places
