@@ -86,7 +86,6 @@ pub(super) fn choose(
         Rgb::from(sum)
     };
     let mut colors = vec![Rgb::BLACK; direct.len()];
-
     colors.par_iter_mut().enumerate().for_each(|(i, color)| *color = chosen(i));
     let parts = shares.iter().map(|share| share.total() / direct.len() as f64).collect();
     (colors, parts)

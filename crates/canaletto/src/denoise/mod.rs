@@ -119,10 +119,12 @@ pub fn denoise(
     quality: DenoiseQuality,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> ControlFlow<(), DenoisedPicture> {
-    let source = &Source::new(picture);
+    let mut source = Source::new(picture);
+    let direct = seen_directly(&source);
+    source.shrink_albedo(&direct);
+    let source = &source;
     let size = source.size;
     let factors = lowering(source);
-    let direct = seen_directly(source);
     step(go_on, 0.1)?;
     let [red, green, blue, brightness] = variance(source, &factors);
     let variance = (quality == DenoiseQuality::Good && source.has_halves).then_some([red, green, blue]);

@@ -2,7 +2,7 @@
 
 use super::plane::Plane;
 use super::repair::{FilledPixels, is_no_light, repaired};
-use super::{LAMP, LEAST_ALBEDO, NoisyPicture};
+use super::{LEAST_ALBEDO, NoisyPicture};
 use crate::math::Rgb;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -89,14 +89,15 @@ impl<'a> Source<'a> {
         if mean > 0.0 && mean.is_finite() {
             source.nearness_scale = 1.0 / mean;
         }
-        source.shrink_albedo();
         source
     }
 
     /// Replaces the fine structure of the albedo by as much of it as the light shows, too: the regression of the
     /// light's structure on that of the albedo. Texture is in both. The rays of the features are others than those of
     /// the picture, so that the noise of lenses, coats and glass is in one of them only.
-    fn shrink_albedo(&mut self) {
+    ///
+    /// What is seen `direct`ly keeps its albedo, by which lamps and their edges are known.
+    pub(super) fn shrink_albedo(&mut self, direct: &[bool]) {
         let Some(albedo) = &self.albedo else { return };
         let color = |i: usize| {
             let [a, b] = [0, 1].map(|half: usize| self.halves[half][i].to_array());
@@ -116,17 +117,10 @@ impl<'a> Source<'a> {
             Plane::of(self.size, |i| details(i).iter().map(value).sum()).box_mean(COMPARED).box_mean(1)
         };
         let (both, own) = (compared(&|[color, albedo]| color * albedo), compared(&|[_, albedo]| albedo * albedo));
-        // Lamps, their edges and the background are known by their albedo.
-        let is_beside_lamp = |i: usize| {
-            let [(x, width), (y, height)] = [(i % self.size[0], self.size[0]), (i / self.size[0], self.size[1])];
-            (y.saturating_sub(1)..(y + 2).min(height)).any(|y| {
-                (x.saturating_sub(1)..(x + 2).min(width)).any(|x| albedo[y * width + x].iter().any(|v| *v > LAMP))
-            })
-        };
         let shrunk = (0..albedo.len()).into_par_iter().map(|i| {
             let share = if own.values[i] > 1e-6 { both.values[i] / own.values[i] } else { 1.0 };
             let share = ((share - SHOWN[0]) / (SHOWN[1] - SHOWN[0])).clamp(0.0, 1.0);
-            let kept = if is_beside_lamp(i) { 1.0 } else { share };
+            let kept = if direct[i] { 1.0 } else { share };
             [0, 1, 2].map(|c: usize| {
                 let mean = albedos[c].values[i];
                 mean + kept * (albedo[i][c] - mean)

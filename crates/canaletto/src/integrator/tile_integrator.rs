@@ -2,6 +2,7 @@
 
 use super::{Counts, Probe, RayCounts};
 use crate::film::TileBuffer;
+use crate::job::Job;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::world::World;
@@ -51,6 +52,15 @@ pub(crate) trait PreparedRayIntegrator: Sync {
 
     /// Makes the integrator of one thread.
     fn worker<'a>(&'a self, world: &'a World, cancelled: Cancelled<'a>) -> Self::Worker<'a>;
+
+    /// Makes the integrator of one thread for a job's picture, with or without the background.
+    fn picture_worker<'a>(&'a self, world: &'a World, job: &Job, cancelled: Cancelled<'a>) -> Self::Worker<'a> {
+        let mut worker = self.worker(world, cancelled);
+        if job.film.alpha {
+            worker.hide_background();
+        }
+        worker
+    }
 }
 
 /// An integrator that finds the light along rays: along one ray for a probe, or along many without one.

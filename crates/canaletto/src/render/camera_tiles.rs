@@ -21,13 +21,9 @@ impl<I: PreparedRayIntegrator> TileIntegrator for CameraTiles<'_, I> {
     }
 
     fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a> {
-        let mut integrator = self.integrator.worker(self.world, cancelled);
-        if self.job.film.alpha {
-            integrator.hide_background();
-        }
         Box::new(CameraTileWorker {
             job: self.job,
-            integrator,
+            integrator: self.integrator.picture_worker(self.world, self.job, cancelled),
             cancelled,
             pixels: PixelRenderer::new(self.job),
             size: [0; 2],

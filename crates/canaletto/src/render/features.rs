@@ -2,7 +2,7 @@
 //! integrators know nothing of them, and pictures without them lose no time.
 
 use super::{PixelRenderer, Rendering};
-use crate::integrator::{PathTracer, PreparedPath, PreparedRayIntegrator, RayIntegrator};
+use crate::integrator::{PathTracer, PreparedPath, PreparedRayIntegrator};
 use crate::job::{Aov, Job, Observer};
 use crate::math::Rgb;
 use crate::scene::Sampling;
@@ -35,10 +35,7 @@ pub(super) fn add_layers(world: &World, job: &Job, rendering: &mut Rendering, ob
         let cancelled = |_| observer.cancelled();
         let rows = (0..height).into_par_iter().map_init(
             || {
-                let mut tracer = prepared.worker(world, &cancelled);
-                if job.film.alpha {
-                    tracer.hide_background();
-                }
+                let tracer = prepared.picture_worker(world, &job, &cancelled);
                 FeatureTracer { world, pixels: PixelRenderer::new(&job), tracer }
             },
             |tracer, y| (0..width).map(|x| tracer.pixel([left + x, top + y])).collect::<Vec<FeatureSums>>(),

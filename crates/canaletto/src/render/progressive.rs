@@ -96,8 +96,7 @@ pub(super) fn render<I: PreparedRayIntegrator>(
     let [left, top, width, height] = job.window();
     let first = job.first_sample;
     let keeps_halves = job.noise.is_some() || job.aovs.iter().any(|aov| aov.is_half());
-    let is_watched = |aov: &Aov| !aov.is_of_samples() && *aov != Aov::Alpha;
-    let watched: Vec<Aov> = job.aovs.iter().copied().filter(is_watched).collect();
+    let watched: Vec<Aov> = job.aovs.iter().copied().filter(|aov| is_watched(*aov)).collect();
     let alphas = |pixels: u32| if job.has_alpha() { vec![(0.0, 0); pixels as usize] } else { Vec::new() };
     let side = job.tile.max(1);
     let mut tiles = Vec::new();
@@ -225,12 +224,8 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         let [left, top, width, _] = self.job.window();
         rayon::broadcast(|_| {
             let ended = StopOnDrop(stopped);
-            let mut integrator = self.integrator.worker(self.world, cancelled);
-            if self.job.film.alpha {
-                integrator.hide_background();
-            }
             let mut worker = Worker {
-                integrator,
+                integrator: self.integrator.picture_worker(self.world, self.job, cancelled),
                 cancelled,
                 pixels: PixelRenderer::new(self.job),
                 size: [0; 2],
@@ -288,7 +283,7 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         }
         let mut watched = 0;
         for (aov, layer) in self.job.aovs.iter().zip(&mut picture.layers) {
-            if let (false, Some(buffer)) = (aov.is_of_samples() || *aov == Aov::Alpha, &tile.layers) {
+            if let (true, Some(buffer)) = (is_watched(*aov), &tile.layers) {
                 buffer.write_layer(watched, layer, picture.width, [left, top]);
                 watched += 1;
                 continue;
@@ -325,6 +320,11 @@ impl<I: PreparedRayIntegrator> Passes<'_, I> {
         rendering.statistics = Some(statistics);
         rendering.samples = Some(blocks);
     }
+}
+
+/// Whether a layer is made by watching the first ray of each pixel. The others come from the samples.
+fn is_watched(aov: Aov) -> bool {
+    !aov.is_of_samples() && aov != Aov::Alpha
 }
 
 impl SampleTile {

@@ -103,6 +103,16 @@ impl Geometry {
         }
     }
 
+    /// The number of a primitive as an element of its object, from 1 on; see [`super::World::element_id`].
+    pub(super) fn element_id(&self, primitive: u32) -> u32 {
+        match self {
+            Geometry::Shapes { .. } => 1,
+            Geometry::Mesh { .. } => primitive.saturating_add(1),
+            Geometry::Spheres { cloud, .. } => cloud.row(primitive as usize),
+            Geometry::Cylinders { cloud, .. } => cloud.row(primitive as usize),
+        }
+    }
+
     /// The box around the geometry.
     pub(super) fn bounds(&self) -> Aabb {
         match self {

@@ -412,12 +412,8 @@ impl World {
         if hit.instance == Hit::UNBOUNDED {
             return 1;
         }
-        let index = hit.primitive as usize;
-        self.with_instance(hit.instance, |instance| match &self.geometries[instance.geometry as usize] {
-            Geometry::Shapes { .. } => 1,
-            Geometry::Mesh { .. } => hit.primitive.saturating_add(1),
-            Geometry::Spheres { cloud, .. } => cloud.row(index),
-            Geometry::Cylinders { cloud, .. } => cloud.row(index),
+        self.with_instance(hit.instance, |instance| {
+            self.geometries[instance.geometry as usize].element_id(hit.primitive)
         })
     }
 
@@ -428,13 +424,9 @@ impl World {
 
     /// The largest number of an element in a layer.
     pub(crate) fn largest_element_id(&self) -> u64 {
-        let largest_element = |geometry: &Geometry| match geometry {
-            Geometry::Shapes { .. } => 1,
-            Geometry::Mesh { mesh, .. } => mesh.len() as u64,
-            Geometry::Spheres { cloud, .. } => cloud.len().checked_sub(1).map_or(0, |last| cloud.row(last).into()),
-            Geometry::Cylinders { cloud, .. } => cloud.len().checked_sub(1).map_or(0, |last| cloud.row(last).into()),
-        };
-        self.geometries.iter().map(largest_element).max().unwrap_or(0)
+        // Elements stand in the order of their numbers.
+        let largest = |geometry: &Geometry| geometry.len().checked_sub(1).map(|last| geometry.element_id(last as u32));
+        self.geometries.iter().filter_map(largest).max().unwrap_or(0).into()
     }
 
     /// The number of the object that was hit, from 0 on.

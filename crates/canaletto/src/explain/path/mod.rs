@@ -259,10 +259,7 @@ pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<Pat
         return Err(ExplainError::TooManyRays);
     };
     let is_too_much = |rays: u64| rays > MAX_RAYS;
-    let mut tracer = prepared.worker(world, &is_too_much);
-    if job.film.alpha {
-        tracer.hide_background();
-    }
+    let mut tracer = prepared.picture_worker(world, job, &is_too_much);
     let mut recorder = PathRecorder::new(world);
     let mut sum = WeightedSum::default();
     let mut renderer = PixelRenderer::new(job);
