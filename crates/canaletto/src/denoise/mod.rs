@@ -1,10 +1,11 @@
 //! Denoising: from a noisy picture and what is known of its surfaces to one without noise.
 //!
-//! 1. Outliers, which one half of the samples met alone, are lowered. Their light is spread over their surroundings
-//!    after the filters, in proportion to the light there, and so far that it isn't seen. How much there was is
-//!    reported.
+//! 1. Outliers are lowered, which one half of the samples met alone, or both by chance. Their light is spread over their
+//!    surroundings after the filters, in proportion to the light there, and so far that it isn't seen. How much there
+//!    was is reported.
 //! 2. Light is divided by the albedo, so that textures are no edges.
-//! 3. Two filters average what belongs together: à-trous wavelets, which are fast, and first-order regression.
+//! 3. Two filters average what belongs together: à-trous wavelets, which are fast, and first-order regression. Islands
+//!    that the wavelets leave in one half alone are spread like outliers.
 //! 4. Each pixel takes the filter of the least relative error, or none. Each half of the samples estimates the errors
 //!    of what the other half became. Lamps and the background, where they fill a pixel, stay as they are.
 //!
@@ -131,8 +132,9 @@ pub fn denoise(
     step(go_on, 0.2)?;
     let wavelets = atrous(source, &factors, &brightness);
     drop(brightness);
+    let (wavelets, excess) = confirmed(wavelets);
     step(go_on, 0.3)?;
-    let spread = [0, 1].map(|half| Spread::new(source, half, &factors, &wavelets[half], &direct));
+    let spread = [0, 1].map(|half| Spread::new(source, half, &factors, &wavelets[half], &excess[half], &direct));
     let by_wavelets = |half: usize, i: usize| {
         let own = colored(source, &wavelets[half], i);
         added(own, spread[half].at(source, &wavelets[half], &direct, i))
@@ -143,6 +145,10 @@ pub fn denoise(
     let weight = error_weight(source, &factors, &wavelets);
     if source.has_halves {
         let error = |i: usize, filtered| square_error(halves(i), filtered) * weight.values[i];
+        // Before the halves confirm each other, they are independent, which the estimate of errors needs.
+        let before = |half: usize, i: usize| added(by_wavelets(half, i), colored(source, &excess[half], i));
+        let of_wavelets = Plane::of(size, |i| error(i, [before(0, i), before(1, i)]));
+        drop(excess);
         names.insert(0, "noisy");
         errors.push(Plane::of(size, |i| error(i, halves(i))));
         if let Some(variance) = variance {
@@ -176,7 +182,7 @@ pub fn denoise(
             errors.push(own_errors);
             fitted = Some(colors);
         }
-        errors.push(Plane::of(size, |i| error(i, [by_wavelets(0, i), by_wavelets(1, i)])));
+        errors.push(of_wavelets);
     } else {
         errors.push(Plane::new(size));
     }
@@ -202,6 +208,22 @@ pub fn denoise(
     })
 }
 
+/// Each filtered half within the range of the other one's 5 × 5 pixels, and what that took. Where one half met a few
+/// bright samples too many, wavelets leave an island of 3 × 3 pixels, which the other half doesn't show.
+fn confirmed(filtered: [ColorPlanes; 2]) -> ([ColorPlanes; 2], [ColorPlanes; 2]) {
+    let kept = [0, 1].map(|half: usize| {
+        [0, 1, 2].map(|c: usize| {
+            let (own, other) = (&filtered[half][c], &filtered[1 - half][c]);
+            Plane::of(own.size, |i| within_plane(own.values[i], other, i))
+        })
+    });
+    let mut excess = filtered;
+    for (excess, kept) in excess.iter_mut().flatten().zip(kept.iter().flatten()) {
+        excess.values.iter_mut().zip(&kept.values).for_each(|(v, kept)| *v -= kept);
+    }
+    (kept, excess)
+}
+
 /// The least and the most light, in units of the typical light, that takes light of outliers in proportion.
 const TAKEN: [f32; 2] = [1e-3, 4.0];
 /// See [`typical`].
@@ -216,13 +238,23 @@ struct Spread {
 }
 
 impl Spread {
-    fn new(source: &Source<'_>, half: usize, factors: &[Plane; 2], wavelets: &ColorPlanes, direct: &[bool]) -> Spread {
+    fn new(
+        source: &Source<'_>,
+        half: usize,
+        factors: &[Plane; 2],
+        wavelets: &ColorPlanes,
+        excess: &ColorPlanes,
+        direct: &[bool],
+    ) -> Spread {
         let brightness = |i: usize| {
             let [r, g, b] = colored(source, wavelets, i);
             (r + g + b) * (1.0 / 3.0)
         };
         let typical = typical(&Plane::of(source.size, brightness));
-        let removed = |i: usize| source.color(half, i).map(|v| v * (1.0 - factors[half].values[i]));
+        let removed = |i: usize| {
+            let (color, excess) = (source.color(half, i), colored(source, excess, i));
+            [0, 1, 2].map(|c: usize| color[c] * (1.0 - factors[half].values[i]) + excess[c])
+        };
         let takers = |i: usize| taken(source, wavelets, typical, direct, i);
         let (light, lost) = spread_outliers(source.size, removed, takers);
         Spread { light, typical, lost }
@@ -342,15 +374,18 @@ fn step(go_on: &(dyn Fn(f64) -> bool + Sync), share: f64) -> ControlFlow<()> {
 /// A fitted pixel, kept to the range of the 5 × 5 pixels of another picture that surround it. A linear fit may lead
 /// beyond it.
 fn within(fitted: [f32; 3], other: &ColorPlanes, i: usize) -> [f32; 3] {
-    let [width, height] = other[0].size;
+    [0, 1, 2].map(|c: usize| within_plane(fitted[c], &other[c], i))
+}
+
+/// A value, kept to the range of the 5 × 5 pixels of a plane.
+fn within_plane(v: f32, other: &Plane, i: usize) -> f32 {
+    let [width, height] = other.size;
     let (x, y) = (i % width, i / width);
-    [0, 1, 2].map(|c: usize| {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for y in y.saturating_sub(2)..(y + 3).min(height) {
-            for v in &other[c].values[y * width + x.saturating_sub(2)..=y * width + (x + 2).min(width - 1)] {
-                (low, high) = (low.min(*v), high.max(*v));
-            }
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for y in y.saturating_sub(2)..(y + 3).min(height) {
+        for v in &other.values[y * width + x.saturating_sub(2)..=y * width + (x + 2).min(width - 1)] {
+            (low, high) = (low.min(*v), high.max(*v));
         }
-        fitted[c].clamp(low, high)
-    })
+    }
+    v.clamp(low, high)
 }

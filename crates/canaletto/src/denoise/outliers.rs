@@ -7,6 +7,10 @@ use rayon::prelude::*;
 
 /// A pixel of one half is at most this many times what its surroundings and the other half show.
 const TOLERANCE: f32 = 1.5;
+/// The radius of the squares in which chance is judged.
+const CHANCE_RADIUS: usize = 10;
+/// What is farther from chance than this many standard deviations isn't chance.
+const DEVIATIONS: f32 = 3.0;
 /// The radii in blocks of the two boxes whose convolution spreads an outlier.
 const REACHES: [usize; 4] = [3, 6, 12, 24];
 /// The side of blocks in pixels. The share that outliers add is that of a block.
@@ -16,33 +20,61 @@ const VISIBLE: f32 = 0.02;
 /// The least ratio of two albedos of alike surfaces.
 const ALIKE: f32 = 0.7;
 
-/// What the pixels of each half are multiplied by to have no outliers. A pixel is at most [`TOLERANCE`] times the third
-/// brightest of its 3 × 3 neighbours in the same half, or times the same pixel of the other half, whatever is more.
-/// Lamps are never outliers.
+/// What the pixels of each half are multiplied by to have no outliers. A pixel is at most [`TOLERANCE`] times the fourth
+/// brightest of the 3 × 3 pixels of both halves, or times the same pixel of the other half where that confirms it,
+/// whatever is more. Lamps are never outliers.
+///
+/// Two halves that are bright at one pixel show a highlight, unless chance explains it. Where many pixels of each half
+/// are bright, as by caustics, some are bright in both. If a of n pixels are bright in one half and b in the other one,
+/// chance makes m = ab/n bright in both on average. The standard deviation of such rare events is √m (Poisson).
 pub(super) fn lowering(source: &Source<'_>) -> [Plane; 2] {
-    let mut factors = [0, 1].map(|_| Plane::new(source.size));
-    let [a, b] = &mut factors;
-    strips([a, b]).into_par_iter().for_each(|strip| {
+    let size = source.size;
+    let mut factors = [0, 1].map(|_| Plane::of(size, |_| 1.0));
+    if !source.has_halves {
+        return factors;
+    }
+    let limits = limits(source);
+    let largest = |half: usize, i: usize| source.color(half, i).into_iter().fold(0.0, f32::max);
+    let is_bright = |half: usize, i: usize| largest(half, i) > limits.values[i];
+    let share = |is_in: &(dyn Fn(usize) -> bool + Sync)| {
+        Plane::of(size, |i| if is_in(i) { 1.0 } else { 0.0 }).box_mean(CHANCE_RADIUS)
+    };
+    let n = ((2 * CHANCE_RADIUS + 1) * (2 * CHANCE_RADIUS + 1)).min(size[0] * size[1]) as f32;
+    let (a, b) = (share(&|i| is_bright(0, i)), share(&|i| is_bright(1, i)));
+    let both = share(&|i| is_bright(0, i) && is_bright(1, i));
+    let is_confirmed = |i: usize| {
+        let chance = a.values[i] * b.values[i];
+        both.values[i] > chance + DEVIATIONS * (chance / n).sqrt()
+    };
+    for (half, factors) in factors.iter_mut().enumerate() {
+        factors.fill(|i| {
+            let (value, limit) = (largest(half, i), limits.values[i]);
+            let other = TOLERANCE * largest(1 - half, i);
+            let limit = if other > limit && is_confirmed(i) { other } else { limit };
+            if value > limit { limit / value } else { 1.0 }
+        });
+    }
+    factors
+}
+
+/// The most light that the 3 × 3 pixels of both halves confirm. It is infinite where they can't judge.
+fn limits(source: &Source<'_>) -> Plane {
+    let mut limits = Plane::new(source.size);
+    strips([&mut limits]).into_par_iter().for_each(|strip| {
         for part in strip.parts(source.size) {
             let largest = |v: [f32; 3]| v[0].max(v[1]).max(v[2]);
-            let windows = part.windows(1, |i| {
+            let [a, b, albedo, inside] = &part.windows(1, |i| {
                 [largest(source.color(0, i)), largest(source.color(1, i)), largest(source.albedo(i)), 1.0]
             });
-            let [a, b, albedo, inside] = &windows;
-            for (half, [own, other]) in [[a, b], [b, a]].into_iter().enumerate() {
-                for y in 0..part.size[1] {
-                    let row = &mut strip.rows[half][part.row(y)];
-                    for (x, factor) in row.iter_mut().enumerate() {
-                        let value = own.at(x, y);
-                        let limit = TOLERANCE * third_largest(own, inside, x, y).max(other.at(x, y));
-                        let is_outlier = value > limit && is_judged(albedo, inside, x, y);
-                        *factor = if is_outlier { limit / value } else { 1.0 };
-                    }
+            for y in 0..part.size[1] {
+                for (x, limit) in strip.rows[0][part.row(y)].iter_mut().enumerate() {
+                    let is_judged = is_judged(albedo, inside, x, y);
+                    *limit = if is_judged { TOLERANCE * fourth_largest([a, b], inside, x, y) } else { f32::INFINITY };
                 }
             }
         }
     });
-    factors
+    limits
 }
 
 /// The shares of its light that outliers add to each block of pixels.
@@ -134,6 +166,16 @@ fn third_largest(window: &Window, inside: &Window, x: usize, y: usize) -> f32 {
         }
     }
     top[2]
+}
+
+/// The fourth brightest of the 3 × 3 pixels of both halves, which are 18; at the picture's edges the same share of them.
+fn fourth_largest(halves: [&Window; 2], inside: &Window, x: usize, y: usize) -> f32 {
+    let (mut values, mut count) = ([0.0; 18], 0);
+    for v in halves.into_iter().flat_map(|half| half.neighbors(inside, x, y)) {
+        values[count] = v;
+        count += 1;
+    }
+    *values[..count].select_nth_unstable_by(count - (4 * count).div_ceil(18), f32::total_cmp).1
 }
 
 /// The median of a pixel of a part and of its neighbours.

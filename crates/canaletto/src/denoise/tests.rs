@@ -298,6 +298,37 @@ fn outliers_are_lowered_and_lamps_stay() {
     }
 }
 
+/// Fireflies of both halves that chance brings together leave no islands: an even wall stays even.
+#[test]
+fn fireflies_leave_no_islands() {
+    let size = [128, 96];
+    let half = |seed: u64| {
+        let mut numbers = Numbers(seed);
+        let mut pixel = |_| Rgb::gray(0.8 + 0.4 * numbers.next() + if numbers.next() < 0.04 { 6.0 } else { 0.0 });
+        (0..size[0] * size[1]).map(&mut pixel).collect::<Vec<Rgb>>()
+    };
+    let picture = of_halves(size, [1, 2].map(half), vec![[0.0, 0.0, 1.0]; size[0] * size[1]]);
+    for quality in [DenoiseQuality::Fast, DenoiseQuality::Good] {
+        let color = denoised(&picture, quality).color;
+        let mean = color.iter().map(|c| c.r).sum::<f32>() / color.len() as f32;
+        let islands = color.iter().filter(|c| c.r > 1.15 * mean).count();
+        println!("{quality:?}: {islands} pixels of islands, mean {mean}");
+        assert!(islands <= 12, "{quality:?}: {islands} pixels");
+        assert!((mean - 1.24).abs() < 0.04, "{quality:?}: {mean}");
+    }
+}
+
+/// What only one filtered half shows is taken from it, and what both show stays.
+#[test]
+fn islands_of_one_filtered_half_are_taken() {
+    let half =
+        |places: &[usize]| [0, 1, 2].map(|_| Plane::of([16, 16], |i| if places.contains(&i) { 3.0 } else { 1.0 }));
+    let (kept, excess) = confirmed([half(&[40, 140]), half(&[140])]);
+    let seen = |planes: &[ColorPlanes; 2], i: usize| [planes[0][1].values[i], planes[1][1].values[i]];
+    assert_eq!((seen(&kept, 40), seen(&excess, 40)), ([1.0, 1.0], [2.0, 0.0]));
+    assert_eq!((seen(&kept, 140), seen(&excess, 140)), ([3.0, 3.0], [0.0, 0.0]));
+}
+
 /// The variance of uniform numbers from 0 to 2 is 1/3, and that of one surface says nothing of another.
 #[test]
 fn variances_are_those_of_halves_and_keep_to_surfaces() {
