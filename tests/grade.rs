@@ -15,7 +15,7 @@ use canaletto::shape::{Shape, Sphere};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
 use canaletto_io::text::read_scene;
-use canaletto_tests::student::{Planted, StudentTracer};
+use canaletto_tests::student::{Planted, SplatFilter, StudentTracer};
 use canaletto_tests::{clamped, root};
 use rayon::prelude::*;
 
@@ -32,10 +32,14 @@ const YARD: &str = "tests/scenes/grade-yard.kdl";
 const DESK: &str = "tests/scenes/grade-desk.kdl";
 
 fn scene(path: &str) -> Scene {
+    sized(path, SIZE)
+}
+
+fn sized(path: &str, [width, height]: [u32; 2]) -> Scene {
     let path = root().join(path);
     let assets = FolderAssets::new(path.parent().unwrap()).unwrap();
     let (mut scene, _) = read_scene(path.file_name().unwrap().to_str().unwrap(), &assets).unwrap();
-    [scene.views[0].intrinsics.width, scene.views[0].intrinsics.height] = SIZE;
+    [scene.views[0].intrinsics.width, scene.views[0].intrinsics.height] = [width, height];
     scene
 }
 
@@ -44,7 +48,7 @@ fn job(scene: &Scene) -> Job {
 }
 
 fn graded(scene: &Scene, pixels: Vec<[f32; 3]>, tolerance: f64) -> Grade {
-    let [width, height] = SIZE;
+    let [width, height] = [scene.views[0].intrinsics.width, scene.views[0].intrinsics.height];
     let student = StudentPicture { width, height, pixels, tolerance };
     let (world, job) = (World::build(scene.clone()).unwrap(), job(scene));
     grade(Task { scene, view: &scene.views[0], world: &world, job: &job }, &student, &()).unwrap()
@@ -361,6 +365,59 @@ fn wrong_lobes_are_never_right() {
         let grade = student(path, Stage::Full, Some(Planted::ConstantView), 1);
         assert_ne!(grade.verdict, Verdict::Right, "{path}: {:?}", grade.hypotheses);
     }
+}
+
+/// Filters of renderers, splatted from few random rays, make no right picture wrong.
+#[test]
+fn filtered_pictures_are_right() {
+    let cases: Vec<_> =
+        [BOX, GLASS, YARD, DESK].iter().flat_map(|path| SplatFilter::ALL.iter().map(move |f| (path, f))).collect();
+    let wrong = cases.par_iter().enumerate().filter_map(|(i, (path, filter))| {
+        let (own, rays) = (scene(path), [4, 8, 16][i % 3]);
+        let picture = StudentTracer::new(&own, Stage::Full, None).splatted(SIZE, filter, rays, i as u64);
+        let grade = graded(&own, values(&picture), StudentPicture::ROUNDED);
+        (grade.verdict != Verdict::Right)
+            .then(|| format!("{path}, {} of {rays} rays: {:?}", filter.name, grade.regions))
+    });
+    assert_eq!(wrong.collect::<Vec<_>>(), Vec::<String>::new());
+    // A wide filter is told, and that of the pixel's mean isn't.
+    let own = scene(BOX);
+    let told = |filter: &SplatFilter| {
+        let picture = StudentTracer::new(&own, Stage::Full, None).splatted(SIZE, filter, 16, 5);
+        let grade = graded(&own, values(&picture), StudentPicture::ROUNDED);
+        (grade.remarks, grade.filter.map(|filter| filter.to_string()))
+    };
+    assert_eq!(told(&SplatFilter::ALL[0]), (vec![], None));
+    let wide = (vec![Remark::OtherFilter], Some("a tent of radius 1.5 pixels".to_owned()));
+    assert_eq!(told(&SplatFilter::ALL[2]), wide);
+}
+
+/// A wrong lobe: its name, the planted mistake, and the change of materials.
+type Lobe = (&'static str, Option<Planted>, fn(&mut Phong));
+
+/// A wrong lobe is wrong under a filter, too. Numbers are fitted to such pictures, which takes its time.
+#[test]
+fn filtered_wrong_lobes_are_never_right() {
+    let changes: [Lobe; 5] = [
+        ("ks halved", None, |phong| phong.ks *= 0.5),
+        ("ks doubled", None, |phong| phong.ks *= 2.0),
+        ("n halved", None, |phong| phong.n *= 0.5),
+        ("n doubled", None, |phong| phong.n *= 2.0),
+        ("constant view", Some(Planted::ConstantView), |_| {}),
+    ];
+    let cases: Vec<_> =
+        [BOX, YARD, DESK].iter().flat_map(|path| changes.iter().map(move |change| (path, change))).collect();
+    let right = cases.par_iter().enumerate().filter_map(|(i, (path, (name, planted, change)))| {
+        let own = scene(path);
+        let mut other = own.clone();
+        other.materials.iter_mut().for_each(|material| change(material.model.phong_mut()));
+        // Tents of both radii, and the Gaussian.
+        let filter = &SplatFilter::ALL[1 + i % 3];
+        let picture = StudentTracer::new(&other, Stage::Full, *planted).splatted(SIZE, filter, 64, 1);
+        let grade = graded(&own, values(&picture), StudentPicture::ROUNDED);
+        (grade.verdict == Verdict::Right).then(|| format!("{path}, {name}, {}", filter.name))
+    });
+    assert_eq!(right.collect::<Vec<_>>(), Vec::<String>::new());
 }
 
 /// All of them, and the table of the book's page (`CANALETTO_BLESS=1` writes it again).

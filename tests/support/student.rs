@@ -85,6 +85,44 @@ pub enum Planted {
     DepthOneLess,
 }
 
+/// A reconstruction filter of rays that are splatted.
+pub struct SplatFilter {
+    /// Its name.
+    pub name: &'static str,
+    /// The radius along each axis in pixels.
+    pub radius: f64,
+    /// The factor for the offset along an axis, not normalised.
+    pub value: fn(f64) -> f64,
+}
+
+impl SplatFilter {
+    /// Filters of renderers, with the radii and the constants that they have there.
+    pub const ALL: [SplatFilter; 6] = [
+        SplatFilter { name: "box", radius: 0.5, value: |_| 1.0 },
+        SplatFilter { name: "tent", radius: 1.0, value: |x| 1.0 - x.abs() },
+        SplatFilter { name: "tent of 1.5", radius: 1.5, value: |x| 1.5 - x.abs() },
+        // σ = 0.5 and 4 σ, less the value there (Mitsuba 3's gaussian).
+        SplatFilter { name: "gaussian", radius: 2.0, value: |x| (-2.0 * x * x).exp() - (-8.0f64).exp() },
+        SplatFilter { name: "mitchell", radius: 2.0, value: |x| mitchell(x.abs()) },
+        // Mitsuba 3's Catmull-Rom spline.
+        SplatFilter { name: "catmull-rom", radius: 2.0, value: |x| catmull_rom(x.abs()) },
+    ];
+}
+
+/// B = C = 1/3 (Mitchell & Netravali, *Reconstruction Filters in Computer Graphics*, 1988).
+fn mitchell(x: f64) -> f64 {
+    if x < 1.0 {
+        7.0 * x * x * x - 12.0 * x * x + 16.0 / 3.0
+    } else {
+        -7.0 / 3.0 * x * x * x + 12.0 * x * x - 20.0 * x + 32.0 / 3.0
+    }
+}
+
+/// B = 0, C = 1/2.
+fn catmull_rom(x: f64) -> f64 {
+    if x < 1.0 { 1.5 * x * x * x - 2.5 * x * x + 1.0 } else { -0.5 * x * x * x + 2.5 * x * x - 4.0 * x + 2.0 }
+}
+
 /// The program for one scene.
 pub struct StudentTracer<'a> {
     scene: &'a Scene,
@@ -192,6 +230,39 @@ impl<'a> StudentTracer<'a> {
             }
         }
         picture
+    }
+
+    /// The picture's bytes by random rays that are splatted: each counts in all pixels within the filter's radius, by the
+    /// filter's product of both offsets over the sum of all weights.
+    pub fn splatted(&self, [w, h]: [u32; 2], filter: &SplatFilter, rays: u32, seed: u64) -> Vec<[u8; 3]> {
+        let mut sums = vec![(DVec3::ZERO, 0.0); (w * h) as usize];
+        let mut state = seed;
+        let mut random = || {
+            // Steele, Lea & Flood, Fast Splittable Pseudorandom Number Generators, 2014.
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for i in 0..w * h * rays {
+            let pixel = i / rays;
+            let at = [f64::from(pixel % w) + random(), f64::from(pixel / w) + random()];
+            let color = self.ray([at[0], f64::from(h) - at[1]], [w, h]);
+            // The pixels whose centres are near.
+            let near = |at: f64, side: u32| {
+                let first = (at - 0.5 - filter.radius).ceil().max(0.0) as u32;
+                first..((at - 0.5 + filter.radius).floor() as u32 + 1).min(side)
+            };
+            for y in near(at[1], h) {
+                for x in near(at[0], w) {
+                    let along = |at: f64, pixel: u32| (filter.value)(at - 0.5 - f64::from(pixel));
+                    let weight = along(at[0], x) * along(at[1], y);
+                    let (sum, weights) = &mut sums[(y * w + x) as usize];
+                    (*sum, *weights) = (*sum + color * weight, *weights + weight);
+                }
+            }
+        }
+        sums.into_iter().map(|(sum, weights)| self.stored(sum / weights)).collect()
     }
 
     fn stored(&self, c: DVec3) -> [u8; 3] {

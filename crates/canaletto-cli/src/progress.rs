@@ -119,6 +119,7 @@ impl SolvingEvent {
             }
             SolvingPhase::Balance { bounce: this } => bounce = Some(this),
             SolvingPhase::Shooting { step: this, unsent: share } => (step, unsent) = (Some(this), Some(share)),
+            SolvingPhase::Mistakes { step: this, .. } | SolvingPhase::Numbers { step: this } => step = Some(this),
             _ => {}
         }
         let phase = phase.name();
@@ -126,7 +127,7 @@ impl SolvingEvent {
     }
 }
 
-/// A line about the progress of radiosity or of path guiding, for people.
+/// A line about the progress of radiosity, of path guiding or of grading, for people.
 fn solving_words(progress: &SolvingProgress) -> String {
     let SolvingProgress { phase, patches, links, .. } = *progress;
     let (patches, links) = (format!("patches {}", count(patches)), format!("links {}", amount(links)));
@@ -143,6 +144,8 @@ fn solving_words(progress: &SolvingProgress) -> String {
         SolvingPhase::Guiding { round, rounds } => {
             format!("guiding: learning where light comes from, round {round} of {rounds}")
         }
+        SolvingPhase::Mistakes { step, steps } => format!("mistakes: {} of {}", count(step), count(steps)),
+        SolvingPhase::Numbers { step } => format!("fits the scene's numbers: picture {}", count(step)),
         _ => format!("radiosity: {patches}"),
     }
 }
@@ -379,6 +382,8 @@ mod tests {
             told(SolvingPhase::Shooting { step: 1024, unsent: 0.1234 }),
             "radiosity: patches 12,345, step 1,024, 12.3% unsent"
         );
+        assert_eq!(told(SolvingPhase::Mistakes { step: 7, steps: 1024 }), "mistakes: 7 of 1,024");
+        assert_eq!(told(SolvingPhase::Numbers { step: 2048 }), "fits the scene's numbers: picture 2,048");
     }
 
     #[test]

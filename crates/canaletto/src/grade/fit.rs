@@ -69,6 +69,7 @@ impl Grader<'_> {
     /// The differences between the picture with these values and the student's.
     fn differences(&self, subject: &Subject<'_>, task: &Task<'_>, x: &[f64]) -> Option<Vec<DVec3>> {
         let seen = subject.seen(&self.seen, task.number, x)?;
+        self.tell_fit();
         Some(self.differences_of(&seen, task))
     }
 
@@ -200,7 +201,7 @@ impl Grader<'_> {
             return Some((cost, x));
         }
         for _ in 0..iterations {
-            if cost <= 0.2 * NOTHING {
+            if cost <= 0.2 * NOTHING || self.observer.cancelled() {
                 break;
             }
             let mut columns: Vec<Vec<DVec3>> = Vec::new();

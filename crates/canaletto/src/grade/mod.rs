@@ -7,6 +7,7 @@
 //! go. A remark tells of other places of rays. A picture is right if no connected region of one object is wrong.
 
 mod display;
+mod filter;
 mod finding;
 mod fit;
 mod left_out;
@@ -19,12 +20,13 @@ mod special;
 mod student;
 mod tracer;
 
+pub use filter::PictureFilter;
 pub use finding::{Finding, WrongRegion};
 pub use mistake::Mistake;
 pub use remark::Remark;
 pub use student::StudentPicture;
 
-use crate::job::{Job, JobError, Observer};
+use crate::job::{Job, JobError, Observer, SolvingPhase, SolvingProgress};
 use crate::named::Named;
 use crate::scene::{Sampling, Scene, Stage, View, WhittedSettings};
 use crate::world::{Hit, World};
@@ -36,8 +38,10 @@ use left_out::{left_out, own_error};
 use mistake::form;
 use numbers::Subject;
 use rayon::prelude::*;
+use regions::Judgement;
 use seen::Seen;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use tracer::{Tracer, TracerSettings};
 
 /// What a picture shows.
@@ -74,6 +78,8 @@ pub struct Grade {
     pub left_over: Vec<WrongRegion>,
     /// What is otherwise than in the scene and no mistake.
     pub remarks: Vec<Remark>,
+    /// The filter of a right picture, about, if it has [`Remark::OtherFilter`].
+    pub filter: Option<PictureFilter>,
     /// The hypotheses, the best first. Errors are means over the compared pixels in steps of 8 bits.
     pub hypotheses: Vec<Hypothesis>,
     /// The error of the job's stage without a mistake.
@@ -184,6 +190,7 @@ pub fn grade(task: Task<'_>, student: &StudentPicture, observer: &dyn Observer) 
         place: if job.film.sampling == Sampling::Corner { [0.0; 2] } else { [0.5; 2] },
         met: Vec::new(),
         is_sharp: false,
+        fitted: AtomicU64::new(0),
     };
     let subject = Subject { scene, view, world };
     let graded = || {
@@ -213,6 +220,8 @@ struct Grader<'a> {
     is_sharp: bool,
     /// What the rays of each pixel meet ([`Tracer::met`]); empty if it isn't needed.
     met: Vec<u64>,
+    /// The number of pictures that fits have rendered.
+    fitted: AtomicU64,
 }
 
 /// The range of a pixel's display values.
@@ -244,6 +253,15 @@ struct Chosen {
 }
 
 impl Grader<'_> {
+    fn tell(&self, phase: SolvingPhase) {
+        self.observer.solving(&SolvingProgress { phase, patches: 0, links: 0 });
+    }
+
+    /// Tells that a fit has rendered one more picture.
+    fn tell_fit(&self) {
+        self.tell(SolvingPhase::Numbers { step: self.fitted.fetch_add(1, Ordering::Relaxed) + 1 });
+    }
+
     fn settings(&self, stage: Stage, mistake: Option<(Mistake, f64)>) -> TracerSettings {
         let WhittedSettings { max_depth, min_weight, shadows, .. } = self.whitted;
         TracerSettings { stage, max_depth, min_weight: f64::from(min_weight), shadows, mistake }
@@ -371,14 +389,15 @@ impl Grader<'_> {
         let context = Context { stages: &stages, nearest, right_error, compared: &compared, subject, remark };
         if is_own {
             guesses.sort_by(|a, b| a.error.total_cmp(&b.error));
-            return self.verdict(guesses, &context, Some(Vec::new()));
+            let judgement = Judgement { regions: Vec::new(), error: None, filter: None };
+            return self.verdict(guesses, &context, Some(judgement));
         }
-        if self.is_small(guesses[nearest].error) {
-            let regions = self.regions(&guesses[nearest]);
-            if regions.is_empty() && !(self.is_sharp && guesses[nearest].error > SHARP_ERROR) {
+        if self.is_small(guesses[nearest].error) || !self.is_sharp {
+            let judgement = self.judged(&guesses[nearest]);
+            if self.is_faultless(&guesses[nearest], &judgement) {
                 let own = guesses.remove(nearest);
                 guesses.insert(0, own);
-                return self.verdict(guesses, &context, Some(regions));
+                return self.verdict(guesses, &context, Some(judgement));
             }
         }
         let mut mistaken: Vec<Guess<'_>> = Vec::new();
@@ -395,10 +414,12 @@ impl Grader<'_> {
                 .map(|(stage, _)| (*stage, self.shown(&Guess::new(self.settings(*stage, None), 0.0), &chosen.pixels)))
                 .collect();
             let mut rest = Vec::new();
-            for mut guess in mistaken {
+            let steps = mistaken.len() as u64;
+            for (step, mut guess) in (1..).zip(mistaken) {
                 if self.observer.cancelled() {
                     return self.cancelled(right_error, compared.len());
                 }
+                self.tell(SolvingPhase::Mistakes { step, steps });
                 let shown = self.shown(&guess, &chosen.pixels);
                 // What changes nothing is no mistake.
                 if rights.iter().all(|(stage, right)| *stage != guess.settings.stage || !are_same(right, &shown)) {
@@ -448,9 +469,14 @@ impl Grader<'_> {
         self.is_small(error) || !self.is_sharp && error <= 0.5
     }
 
-    /// The grade by the hypotheses, the best first. `regions` are those in which the best stage without a mistake is
-    /// wrong, if they are known.
-    fn verdict(&self, guesses: Vec<Guess<'_>>, context: &Context<'_>, regions: Option<Vec<WrongRegion>>) -> Grade {
+    /// Whether a picture is right without a look at mistakes.
+    fn is_faultless(&self, guess: &Guess<'_>, judgement: &Judgement) -> bool {
+        let error = judgement.error.map_or(guess.error, |error| error.min(guess.error));
+        judgement.regions.is_empty() && self.is_small(error) && !(self.is_sharp && error > SHARP_ERROR)
+    }
+
+    /// The grade by the hypotheses, the best first. `faultless` is the judgement of a picture that is known to be right.
+    fn verdict(&self, guesses: Vec<Guess<'_>>, context: &Context<'_>, faultless: Option<Judgement>) -> Grade {
         let Context { stages, nearest, right_error, compared, subject, remark } = context;
         let full = stages.first().map_or(Stage::Full, |(stage, _)| *stage);
         // Of hypotheses that are about as good as the best, the simplest one.
@@ -465,17 +491,16 @@ impl Grader<'_> {
                 guesses.iter().filter(|guess| is_candidate(guess) && guess.error <= 1.2 * least + self.nothing());
             as_good.min_by(|a, b| simplicity(a).cmp(&simplicity(b)).then(a.error.total_cmp(&b.error))).cloned()
         };
-        let without = match &regions {
-            Some(regions) if regions.is_empty() => {
-                guesses.iter().find(|guess| guess.settings.mistake.is_none()).cloned()
-            }
-            _ => best_of(&|guess| guess.settings.mistake.is_none()),
+        let is_faultless = faultless.is_some();
+        let without = match is_faultless {
+            true => guesses.iter().find(|guess| guess.settings.mistake.is_none()).cloned(),
+            false => best_of(&|guess| guess.settings.mistake.is_none()),
         };
         let best = best_of(&|guess| guess.settings.mistake.is_some());
         let Some(without) = without else { return self.cancelled(*right_error, compared.len()) };
-        let is_faultless = regions.as_ref().is_some_and(Vec::is_empty);
-        let regions = regions.unwrap_or_else(|| self.regions(&without));
-        let is_right = is_faultless || regions.is_empty() && self.may_be_right(without.error);
+        let Judgement { regions, error, filter } = faultless.unwrap_or_else(|| self.judged(&without));
+        let error = error.map_or(without.error, |error| error.min(without.error));
+        let is_right = is_faultless || regions.is_empty() && self.may_be_right(error);
         let least_gain = if self.student.is_compressed() { 0.02 } else { NOTHING };
         let explains = |best: &Guess<'_>| {
             let share = if best.fitted.is_some() { 0.3 } else { 0.4 };
@@ -519,6 +544,8 @@ impl Grader<'_> {
             mistake: guess.settings.mistake.map(|(mistake, _)| mistake),
             error: guess.error,
         };
+        let is_right = matches!(verdict, Verdict::Right | Verdict::Unfinished);
+        let filter = filter.filter(|_| is_right);
         let finding = chosen.fitted.as_ref().map(|fitted| subject.finding(&fitted.number, &fitted.values));
         Grade {
             verdict,
@@ -526,9 +553,10 @@ impl Grader<'_> {
             mistake: chosen.settings.mistake.map(|(mistake, _)| mistake).filter(|_| verdict == Verdict::Mistaken),
             also,
             finding,
-            left_over: if verdict == Verdict::Mistaken { self.regions(&chosen) } else { Vec::new() },
+            left_over: if verdict == Verdict::Mistaken { self.judged(&chosen).regions } else { Vec::new() },
             regions,
-            remarks: remark.iter().copied().collect(),
+            remarks: remark.iter().copied().chain(filter.map(|_| Remark::OtherFilter)).collect(),
+            filter,
             hypotheses: guesses.iter().map(hypothesis).collect(),
             error: *right_error,
             evidence,
@@ -548,6 +576,7 @@ impl Grader<'_> {
             regions: Vec::new(),
             left_over: Vec::new(),
             remarks: Vec::new(),
+            filter: None,
             hypotheses: Vec::new(),
             error,
             evidence: Vec::new(),

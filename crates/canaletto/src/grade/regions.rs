@@ -2,6 +2,7 @@
 //! small highlight that is wrong.
 
 use super::display::srgb_decode;
+use super::filter::PictureFilter;
 use super::finding::WrongRegion;
 use super::left_out::means;
 use super::seen::Seen;
@@ -28,6 +29,58 @@ const OVERSHOOT: f64 = 0.15;
 const FEWEST_BEYOND: usize = 4;
 /// The most regions that are listed.
 const MOST_REGIONS: usize = 4;
+/// The share of the colours' range around a pixel by which a filter that fits best is off.
+const INEXACT: f64 = 0.06;
+/// As [`INEXACT`], for the sum of light over 5 × 5 pixels.
+const SUM_INEXACT: f64 = 0.25;
+/// The largest difference of a pixel in steps of 8 bits that doesn't count in a sum: rounding down.
+const SUM_ROUNDED: f64 = 1.1;
+/// The sum of differences of light in steps of 8 bits that is none.
+const FEWEST_STEPS: f64 = 12.0;
+/// The most wrong pixels of which each is looked at for what is smaller than a pixel.
+const MOST_FOUND: usize = 400;
+/// The largest error of a pixel in steps of 8 bits.
+const MOST_ERROR: f64 = 40.0;
+/// How many standard deviations of the noise by random places of rays are no difference.
+const DEVIATIONS: f64 = 3.0;
+
+/// What a picture is found to be against a hypothesis.
+pub(super) struct Judgement {
+    /// Where it differs.
+    pub(super) regions: Vec<WrongRegion>,
+    /// The mean difference in steps of 8 bits beyond the noise, under the filter that fits best; none if no filter was
+    /// looked for.
+    pub(super) error: Option<f64>,
+    /// The picture's filter, if it is clearly another one than the pixel's mean.
+    pub(super) filter: Option<PictureFilter>,
+}
+
+/// A hypothesis beside the student's picture, in display values.
+#[derive(Clone, Copy)]
+struct Compared<'a> {
+    shown: &'a [DVec3],
+    student: &'a [DVec3],
+    /// The differences that are none.
+    slack: &'a [DVec3],
+    /// The standard deviation by random places of rays.
+    noise: &'a [DVec3],
+}
+
+impl Compared<'_> {
+    /// The difference of a pixel in steps of 8 bits.
+    fn difference(&self, i: usize) -> DVec3 {
+        (self.student[i] - self.shown[i]) * 255.0
+    }
+
+    fn is_different(&self, i: usize) -> bool {
+        self.is_beyond([self.shown[i]; 2], i)
+    }
+
+    /// Whether a pixel of the student is beyond a range.
+    fn is_beyond(&self, [low, high]: [DVec3; 2], i: usize) -> bool {
+        (self.student[i].cmpgt(high + self.slack[i]) | self.student[i].cmplt(low - self.slack[i])).any()
+    }
+}
 
 /// A rule that takes a region or not, by its pixels and by whether a column and a row belong to it.
 type RegionRule<'a> = &'a dyn Fn(&[usize], &dyn Fn(i64, i64) -> bool) -> bool;
@@ -35,15 +88,21 @@ type RegionRule<'a> = &'a dyn Fn(&[usize], &dyn Fn(i64, i64) -> bool) -> bool;
 impl Grader<'_> {
     /// The connected pixels of one object that differ from a hypothesis, the largest regions first. Thin lines don't
     /// count, since edges depend on where exactly rays go.
-    pub(super) fn regions(&self, guess: &Guess<'_>) -> Vec<WrongRegion> {
+    pub(super) fn judged(&self, guess: &Guess<'_>) -> Judgement {
         let [_, _, width, height] = self.job.window();
         let (w, h) = (width as usize, height as usize);
         if w * h > MOST_PIXELS {
-            return Vec::new();
+            return Judgement { regions: Vec::new(), error: None, filter: None };
         }
         let seen = self.seen_of(guess);
         let all: Vec<u32> = (0..width * height).collect();
-        let shown = self.shown_at(seen, guess.settings, &all, self.place, false);
+        let filtered = self.filtered(guess);
+        let filter = filtered.as_ref().filter(|filtered| filtered.is_other).map(|filtered| filtered.filter);
+        let reach = filtered.as_ref().map(|filtered| filtered.reach);
+        let (shown, noise) = match filtered {
+            Some(filtered) => (filtered.shown, filtered.noise),
+            None => (self.shown_at(seen, guess.settings, &all, self.place, false), vec![DVec3::ZERO; w * h]),
+        };
         let compressed = self.student.is_compressed();
         let student: Vec<DVec3> = if compressed {
             means(&self.student.pixels, w, 2)
@@ -61,9 +120,9 @@ impl Grader<'_> {
             range
         };
         let limit = if compressed { COMPRESSED } else { ROUNDED + 3.0 * self.noise() };
+        let slack_of = |index: usize, steps: f64| DVec3::splat(steps / 255.0) + DEVIATIONS * noise[index];
         let beyond = |[low, high]: [DVec3; 2], index: usize, slack: f64| {
-            let v = student[index];
-            let slack = DVec3::splat(slack / 255.0);
+            let (v, slack) = (student[index], slack_of(index, slack));
             let over = (v - high - slack).max(DVec3::ZERO) - (low - slack - v).max(DVec3::ZERO);
             over * 255.0
         };
@@ -115,7 +174,9 @@ impl Grader<'_> {
                 object[i] = id;
             }
         }
-        let mut found = self.connected(seen, [&shown, &student], &object, &|region, is_own| {
+        let slack: Vec<DVec3> = (0..w * h).map(|i| slack_of(i, limit)).collect();
+        let both = Compared { shown: &shown, student: &student, slack: &slack, noise: &noise };
+        let mut found = self.connected(seen, both, &object, &|region, is_own| {
             // Thin lines are edges.
             region.iter().any(|i| {
                 let (x, y) = ((*i % w) as i64, (*i / w) as i64);
@@ -123,7 +184,10 @@ impl Grader<'_> {
             })
         });
         if !compressed {
-            found.extend(self.highlights(seen, guess.settings, [&shown, &student], limit));
+            found.extend(match reach {
+                Some(reach) => self.filtered_highlights(seen, guess.settings, both, reach),
+                None => self.highlights(seen, guess.settings, both),
+            });
         }
         // The same pixels are told once.
         let mut told: Vec<WrongRegion> = Vec::new();
@@ -134,7 +198,12 @@ impl Grader<'_> {
             }
         }
         told.truncate(MOST_REGIONS);
-        told
+        let error = |i: usize| {
+            let d = (student[i] - shown[i]).abs() - DEVIATIONS * noise[i];
+            (d.max_element() * 255.0 - self.student.tolerance).clamp(0.0, MOST_ERROR)
+        };
+        let error = reach.map(|_| (0..w * h).map(error).sum::<f64>() / (w * h).max(1) as f64);
+        Judgement { regions: told, error, filter }
     }
 
     /// The noise of the picture in steps of 8 bits: the median difference of a pixel from the mean of its neighbours,
@@ -159,27 +228,19 @@ impl Grader<'_> {
 
     /// Small highlights that are wrong. They lie where colours are smooth, and most of their pixels differ to one side.
     /// Filters and other places of rays keep the sum of a highlight.
-    fn highlights(
-        &self,
-        seen: &Seen<'_>,
-        settings: TracerSettings,
-        [shown, student]: [&[DVec3]; 2],
-        limit: f64,
-    ) -> Vec<WrongRegion> {
+    fn highlights(&self, seen: &Seen<'_>, settings: TracerSettings, both: Compared<'_>) -> Vec<WrongRegion> {
+        let Compared { shown, student, .. } = both;
         let [_, _, width, height] = self.job.window();
         let (w, h) = (width as usize, height as usize);
         let met = self.met(seen, settings);
         let (by, off) = if self.is_sharp { (1, 0.1) } else { (2, 0.5) };
-        let around = |at: usize, side: usize| at.saturating_sub(by)..(at + by + 1).min(side);
+        let around = |at: usize, by: usize, side: usize| at.saturating_sub(by)..(at + by + 1).min(side);
         let is_smooth = |index: &u32| {
             let i = *index as usize;
-            around(i / w, h).all(|y| around(i % w, w).all(|x| met[y * w + x] == met[i]))
+            around(i / w, by, h).all(|y| around(i % w, by, w).all(|x| met[y * w + x] == met[i]))
         };
-        let difference = |i: usize| (student[i] - shown[i]) * 255.0;
-        let pixels: Vec<u32> = (0..width * height)
-            .filter(|index| difference(*index as usize).abs().max_element() > limit)
-            .filter(is_smooth)
-            .collect();
+        let pixels: Vec<u32> =
+            (0..width * height).filter(|index| both.is_different(*index as usize)).filter(is_smooth).collect();
         let near = |place: &[f64; 2]| {
             let middle = if self.is_sharp { self.place } else { [0.5; 2] };
             [0, 1].map(|axis| middle[axis] + (place[axis] - 0.5) * 2.0 * off)
@@ -191,73 +252,144 @@ impl Grader<'_> {
         for (n, index) in pixels.iter().enumerate() {
             let i = *index as usize;
             let finer = &finer[n * PLACES.len()..(n + 1) * PLACES.len()];
-            let [low, high] = finer.iter().fold([shown[i]; 2], |[low, high], v| [low.min(*v), high.max(*v)]);
-            let slack = DVec3::splat(limit / 255.0);
-            let is_beyond = (student[i].cmpgt(high + slack) | student[i].cmplt(low - slack)).any();
+            let ends = finer.iter().fold([shown[i]; 2], |[low, high], v| [low.min(*v), high.max(*v)]);
             if let Some(hit) = self.first_hit(seen, *index)
-                && is_beyond
+                && both.is_beyond(ends, i)
                 && seen.world().material(&hit).is_plain()
             {
                 object[i] = seen.world().object_id(&hit);
             }
         }
-        let slack = DVec3::splat(limit / 255.0);
-        let is_beyond_neighbours = |i: usize| {
-            let mut range = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-            for y in (i / w).saturating_sub(1)..(i / w + 2).min(h) {
-                for x in (i % w).saturating_sub(1)..(i % w + 2).min(w) {
-                    range = [range[0].min(shown[y * w + x]), range[1].max(shown[y * w + x])];
-                }
-            }
-            (student[i].cmpgt(range[1] + slack) | student[i].cmplt(range[0] - slack)).any()
-        };
-        // Sums are those of light.
-        let is_curved = self.job.film.transfer == Transfer::Srgb;
-        let light = |v: DVec3| if is_curved { DVec3::from(v.to_array().map(srgb_decode)) } else { v };
-        self.connected(seen, [shown, student], &object, &|region, _| {
+        self.connected(seen, both, &object, &|region, _| {
             // A highlight that is smeared or moved by less than a pixel lies on both sides of the region.
             let mut nearby: Vec<usize> = region.to_vec();
             if !self.is_sharp {
                 for i in region {
-                    for y in (i / w).saturating_sub(3)..(i / w + 4).min(h) {
-                        nearby.extend(((i % w).saturating_sub(3)..(i % w + 4).min(w)).map(|x| y * w + x));
+                    for y in around(i / w, 3, h) {
+                        nearby.extend(around(i % w, 3, w).map(|x| y * w + x));
                     }
                 }
                 nearby.sort_unstable();
                 nearby.dedup();
-                nearby.retain(|i| met[*i] == met[region[0]] && difference(*i).abs().max_element() > limit);
+                nearby.retain(|i| met[*i] == met[region[0]] && both.is_different(*i));
             }
             let (mut sum, mut all) = (DVec3::ZERO, DVec3::ZERO);
             for i in &nearby {
-                let d = (light(student[*i]) - light(shown[*i])) * 255.0;
+                let d = (self.light(student[*i]) - self.light(shown[*i])) * 255.0;
                 (sum, all) = (sum + d, all + d.abs());
             }
             let least = if region.len() > 1 { 12.0 } else { 40.0 };
-            let beyond = region.iter().filter(|i| is_beyond_neighbours(**i)).count();
+            let is_beyond = |i: &&usize| {
+                let mut range = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+                for y in around(**i / w, 1, h) {
+                    for x in around(**i % w, 1, w) {
+                        range = [range[0].min(shown[y * w + x]), range[1].max(shown[y * w + x])];
+                    }
+                }
+                both.is_beyond(range, **i)
+            };
+            let beyond = region.iter().filter(is_beyond).count();
             let one_sided = (0..3).any(|c| sum[c].abs() >= least && sum[c].abs() >= 0.5 * all[c]);
             one_sided || beyond >= FEWEST_BEYOND || self.is_sharp && all.max_element() >= least
         })
     }
 
+    /// As [`Self::highlights`], of a hypothesis under the picture's filter. Two pixels beyond the noise side by side
+    /// are wrong, and so is a sum of light beyond the noise of sums.
+    fn filtered_highlights(
+        &self,
+        seen: &Seen<'_>,
+        settings: TracerSettings,
+        both: Compared<'_>,
+        reach: f64,
+    ) -> Vec<WrongRegion> {
+        let Compared { shown, student, noise, .. } = both;
+        let [_, _, width, height] = self.job.window();
+        let (w, h) = (width as usize, height as usize);
+        let met = self.met(seen, settings);
+        let square = |i: usize, by: usize| {
+            let around = move |at: usize, side: usize| at.saturating_sub(by)..(at + by + 1).min(side);
+            around(i / w, h).flat_map(move |y| around(i % w, w).map(move |x| y * w + x))
+        };
+        let rounded = DVec3::splat(SUM_ROUNDED / 255.0);
+        // Whether a pixel is wrong, and whether a sum is.
+        let look = |index: u32| {
+            let i = index as usize;
+            if square(i, 2).any(|j| met[j] != met[i]) {
+                return [false; 2];
+            }
+            let ends = |[low, high]: [DVec3; 2], j: usize| [low.min(shown[j]), high.max(shown[j])];
+            let [low, high] = square(i, 2).fold([shown[i]; 2], ends);
+            let inexact = INEXACT * (high - low);
+            let is_wrong = both.is_beyond([shown[i] - inexact, shown[i] + inexact], i);
+            let [mut sum, mut variance] = [DVec3::ZERO; 2];
+            for j in square(i, 2) {
+                let light = self.light(shown[j]);
+                // The difference beyond rounding.
+                let v = student[j].clamp(shown[j] - rounded, shown[j] + rounded);
+                sum += self.light(student[j]) - self.light(v);
+                let off = self.light(shown[j] + noise[j]) - light;
+                variance += off * off;
+            }
+            let deviation = DVec3::from(variance.to_array().map(f64::sqrt)) * f64::sqrt(reach);
+            let inexact = SUM_INEXACT * (self.light(high) - self.light(low));
+            let most = DVec3::splat(FEWEST_STEPS / 255.0) + DEVIATIONS * deviation + inexact;
+            // A pixel at the square's border may have a part of what is beside it.
+            let is_inner = square(i, 3).all(|j| met[j] == met[i]);
+            [is_wrong, is_inner && sum.abs().cmpgt(most).any()]
+        };
+        let looked: Vec<[bool; 2]> = (0..width * height).into_par_iter().map(look).collect();
+        let found: Vec<u32> = (0..width * height).filter(|index| looked[*index as usize] != [false; 2]).collect();
+        // What is smaller than a pixel isn't smooth, though all pixels around show the same at their own places.
+        let is_smooth = |index: &u32| {
+            let places = (0..16).map(|k| [k % 4, k / 4].map(|k| (f64::from(k) + 0.5) / 4.0));
+            let i = *index as usize;
+            square(i, 1).all(|j| places.clone().all(|place| self.met_at(seen, settings, j as u32, place) == met[i]))
+        };
+        let mut object = vec![u32::MAX; w * h];
+        let few = found.len() <= MOST_FOUND;
+        let smooth: Vec<u32> = found.into_par_iter().filter(|index| !few || is_smooth(index)).collect();
+        for index in smooth {
+            if let Some(hit) = self.first_hit(seen, index)
+                && seen.world().material(&hit).is_plain()
+            {
+                object[index as usize] = seen.world().object_id(&hit);
+            }
+        }
+        self.connected(seen, both, &object, &|region, _| {
+            let count = |kind: usize| region.iter().filter(|i| looked[**i][kind]).count();
+            count(0) >= 2 || count(1) > 0
+        })
+    }
+
+    /// The light of display values, whose sums filters keep.
+    fn light(&self, v: DVec3) -> DVec3 {
+        if self.job.film.transfer == Transfer::Srgb { DVec3::from(v.to_array().map(srgb_decode)) } else { v }
+    }
+
     /// Numbers of what the rays of all pixels meet.
     pub(super) fn met(&self, seen: &Seen<'_>, settings: TracerSettings) -> Vec<u64> {
-        let [left, top, width, height] = self.job.window();
-        let rows = seen.camera.size()[1];
-        let number = |index: u32| {
-            let met = Cell::new(0);
-            let tracer = Tracer {
-                world: seen.world(),
-                camera: &seen.camera,
-                radii: &seen.radii,
-                settings,
-                all_blocked: false,
-                met: Some(&met),
-            };
-            let (x, y) = (left + index % width, rows - 1 - (top + index / width));
-            tracer.pixel(f64::from(x) + self.place[0], f64::from(y) + self.place[1]);
-            met.get()
-        };
+        let [_, _, width, height] = self.job.window();
+        let number = |index: u32| self.met_at(seen, settings, index, self.place);
         (0..width * height).into_par_iter().with_min_len(64).map(number).collect()
+    }
+
+    /// The number of what the ray at a place of a pixel meets.
+    fn met_at(&self, seen: &Seen<'_>, settings: TracerSettings, index: u32, place: [f64; 2]) -> u64 {
+        let [left, top, width, _] = self.job.window();
+        let rows = seen.camera.size()[1];
+        let met = Cell::new(0);
+        let tracer = Tracer {
+            world: seen.world(),
+            camera: &seen.camera,
+            radii: &seen.radii,
+            settings,
+            all_blocked: false,
+            met: Some(&met),
+        };
+        let (x, y) = (left + index % width, rows - 1 - (top + index / width));
+        tracer.pixel(f64::from(x) + place[0], f64::from(y) + place[1]);
+        met.get()
     }
 
     /// The regions of equal numbers, but for [`u32::MAX`], that a rule takes. The rule is given the region's pixels,
@@ -265,7 +397,7 @@ impl Grader<'_> {
     fn connected(
         &self,
         seen: &Seen<'_>,
-        [shown, student]: [&[DVec3]; 2],
+        both: Compared<'_>,
         object: &[u32],
         takes: RegionRule<'_>,
     ) -> Vec<WrongRegion> {
@@ -303,7 +435,7 @@ impl Grader<'_> {
             if !takes(&region, &is_own) {
                 continue;
             }
-            let difference = |i: usize| (student[i] - shown[i]) * 255.0;
+            let difference = |i: usize| both.difference(i);
             let sum: DVec3 = region.iter().map(|i| difference(*i)).sum();
             let worst = region.iter().copied().max_by(|a, b| {
                 let size = |i: usize| difference(i).abs().max_element();

@@ -12,6 +12,8 @@ pub enum Remark {
     Corners,
     /// Rays go through other corners of pixels.
     OtherCorners,
+    /// Rays count in pixels by another filter than the mean over each pixel.
+    OtherFilter,
     /// The file declares another transfer curve than the scene asks for.
     DeclaredCurve,
 }
@@ -20,5 +22,6 @@ named!(Remark {
     Centers => "pixel-centres": "rays go through the pixels' centres (x + 1/2, y + 1/2); the scene's film has sample \"corner\"",
     Corners => "pixel-corners": "rays go through the pixels' lower left corners (x, y); the scene's film has sample \"center\"",
     OtherCorners => "other-corners": "rays go through another corner of the pixels than the scene says: half a pixel or one beside it",
+    OtherFilter => "other-filter": "rays count in neighbouring pixels, too: by another filter than the scene says",
     DeclaredCurve => "declared-curve": "the file declares another transfer curve than the scene asks for; it was read by its own",
 });

@@ -18,7 +18,7 @@ pub trait Observer: Sync {
     fn pass_ended(&self, _progress: &PassProgress<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
-    /// Reports the progress of radiosity, which is solved before the first tile.
+    /// Reports the progress of radiosity, which is solved before the first tile, and of grading.
     fn solving(&self, _progress: &SolvingProgress) {}
 }
 
@@ -70,7 +70,7 @@ impl fmt::Debug for PassProgress<'_> {
     }
 }
 
-/// The progress of solving radiosity.
+/// The progress of work that isn't done by tiles: of solving radiosity, of guiding, and of grading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolvingProgress {
     /// What is being done.
@@ -81,7 +81,7 @@ pub struct SolvingProgress {
     pub links: u64,
 }
 
-/// A phase of solving radiosity.
+/// A phase of work that isn't done by tiles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SolvingPhase {
@@ -115,6 +115,18 @@ pub enum SolvingPhase {
         /// The number of all rounds.
         rounds: u32,
     },
+    /// A picture is compared with hypotheses of mistakes.
+    Mistakes {
+        /// The number of this hypothesis in its pass, from 1 on.
+        step: u64,
+        /// The number of hypotheses in this pass.
+        steps: u64,
+    },
+    /// The scene's numbers are fitted to a picture.
+    Numbers {
+        /// The number of scenes that were rendered so far.
+        step: u64,
+    },
 }
 
 impl SolvingPhase {
@@ -127,6 +139,8 @@ impl SolvingPhase {
             SolvingPhase::Balance { .. } => "balance",
             SolvingPhase::Shooting { .. } => "shooting",
             SolvingPhase::Guiding { .. } => "guiding",
+            SolvingPhase::Mistakes { .. } => "mistakes",
+            SolvingPhase::Numbers { .. } => "numbers",
         }
     }
 }

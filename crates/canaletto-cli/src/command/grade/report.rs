@@ -4,7 +4,7 @@ use super::GradeFlags;
 use crate::command::info::quoted;
 use crate::format::{JSON_VERSION, plural, short};
 use canaletto::Named;
-use canaletto::grade::{EvidencePixel, Grade, Hypothesis, Verdict, WrongRegion};
+use canaletto::grade::{EvidencePixel, Grade, Hypothesis, Remark, Verdict, WrongRegion};
 use canaletto::scene::Stage;
 use serde_json::{Value, json};
 use std::cmp::Ordering;
@@ -64,7 +64,9 @@ impl GradeReport<'_> {
             out += &format!("look       {}\n", finding.look.trim_start_matches("look at "));
         }
         for remark in &grade.remarks {
-            out += &format!("remark     {}\n", remark.meaning());
+            let about = grade.filter.filter(|_| *remark == Remark::OtherFilter);
+            let about = about.map(|filter| format!(", about {filter}")).unwrap_or_default();
+            out += &format!("remark     {}{about}\n", remark.meaning());
         }
         for mistake in &grade.also {
             out += &format!("or         {}: {}\n", mistake.name(), mistake.meaning());
@@ -167,6 +169,7 @@ impl GradeReport<'_> {
                 "factor": finding.factor,
             })),
             "remarks": grade.remarks.iter().map(|remark| remark.name()).collect::<Vec<_>>(),
+            "filter": grade.filter.map(|filter| filter.to_string()),
             "regions": grade.regions.iter().map(region_json).collect::<Vec<_>>(),
             "left_over": grade.left_over.iter().map(region_json).collect::<Vec<_>>(),
             "error": grade.error,
