@@ -6,10 +6,10 @@
 //! the work; the flush and the band's own codes cost some 20 bytes.
 
 use super::Compression;
-use flate2::write::DeflateEncoder;
+use flate2::{Compress, FlushCompress};
 use rayon::prelude::*;
 use simd_adler32::Adler32;
-use std::io::{self, Write};
+use std::io;
 use std::ops::Range;
 
 /// The approximate size of a band in bytes. Larger bands compress noticeably better only in pictures of a few colours;
@@ -101,16 +101,16 @@ struct BandEncoder<'a, F> {
     /// The number of filtered bytes above the band.
     shown: usize,
     tries: [Vec<u8>; 5],
-    encoder: DeflateEncoder<Vec<u8>>,
+    deflate: Compress,
 }
 
 impl<'a, F: Fn(Range<usize>, &mut [u8])> BandEncoder<'a, F> {
     fn new(shape: Shape, compression: Compression, fill: &'a F) -> Self {
         let tries = std::array::from_fn(|_| vec![0; shape.width * shape.pixel]);
-        let encoder = DeflateEncoder::new(Vec::new(), flate2::Compression::new(compression.level()));
+        let deflate = Compress::new(flate2::Compression::new(compression.level()), false);
         let fast = compression == Compression::Fast;
         let before = if fast { 0 } else { WINDOW.div_ceil(shape.width * shape.pixel + 1) };
-        BandEncoder { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, encoder }
+        BandEncoder { shape, before, fill, bytes: Vec::new(), filtered: Vec::new(), shown: 0, tries, deflate }
     }
 
     /// Compresses a range of rows.
@@ -139,18 +139,30 @@ impl<'a, F: Fn(Range<usize>, &mut [u8])> BandEncoder<'a, F> {
             self.filtered.extend_from_slice(best);
         }
         self.shown = before * (row + 1);
-        if self.shown > 0 {
-            self.encoder.write_all(&self.filtered[self.shown.saturating_sub(WINDOW)..self.shown])?;
-            self.encoder.flush()?;
-            self.encoder.get_mut().clear();
+        let (above, own) = self.filtered.split_at(self.shown);
+        let window = &above[self.shown.saturating_sub(WINDOW)..];
+        self.deflate.reset();
+        if !window.is_empty() {
+            flushed(&mut self.deflate, window)?;
         }
-        self.encoder.write_all(&self.filtered[self.shown..])?;
-        self.encoder.flush()?;
-        let part = std::mem::take(self.encoder.get_mut());
-        // Resetting finishes the stream, and the end goes into the discarded vector.
-        self.encoder.reset(Vec::new())?;
-        Ok(part)
+        flushed(&mut self.deflate, own)
     }
+}
+
+/// What deflate makes of more bytes, up to and including a sync flush.
+///
+/// The output gets all the space that deflate can need. Where space runs out, `miniz_oxide` returns from a flush before
+/// the last bytes are compressed, and doesn't tell that it isn't done.
+fn flushed(deflate: &mut Compress, bytes: &[u8]) -> io::Result<Vec<u8>> {
+    // Deflate stores what it can't compress, with five bytes for each block of at most 65,535. The rest is the flush.
+    let mut part = Vec::with_capacity(bytes.len() + bytes.len() / 8 + 256);
+    let before = deflate.total_in();
+    deflate.compress_vec(bytes, &mut part, FlushCompress::Sync)?;
+    if deflate.total_in() - before != bytes.len() as u64 || !part.ends_with(&[0, 0, 0xff, 0xff]) {
+        return Err(io::Error::other("a part of the picture wasn't compressed as a whole"));
+    }
+    part.shrink_to_fit();
+    Ok(part)
 }
 
 fn checksum(bytes: &[u8]) -> u32 {
@@ -209,6 +221,7 @@ fn nearest(a: u8, b: u8, c: u8) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     #[test]
     fn checksums_join() {
@@ -227,6 +240,31 @@ mod tests {
                 let rows: Vec<usize> = bands.iter().cloned().flatten().collect();
                 assert!(rows.into_iter().eq(0..height) && bands.iter().all(|band| !band.is_empty()));
                 assert!(bands.len() <= 1 + width * pixel * height / band);
+            }
+        }
+    }
+
+    /// Every band is compressed to its end, however its size and the space of the output meet.
+    #[test]
+    fn noise_of_any_size_is_compressed_to_its_end() {
+        let sizes =
+            [(277, 73), (222, 238), (314, 62), (89, 237), (103, 195), (200, 204), (1, 1), (240, 135), (512, 512)];
+        for (width, height) in sizes {
+            for bits in [8, 6, 3] {
+                let byte = |i: usize| {
+                    let hash = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                    ((hash ^ hash >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> (64 - bits)) as u8
+                };
+                let fill = |range: Range<usize>, bytes: &mut [u8]| {
+                    bytes.iter_mut().zip(range.start * 3..).for_each(|(out, i)| *out = byte(i));
+                };
+                for compression in [Compression::Fast, Compression::Default] {
+                    let stream = compressed(Shape { width, height, pixel: 3 }, compression, fill).unwrap().concat();
+                    let mut rows = Vec::new();
+                    let ended = flate2::read::ZlibDecoder::new(&stream[..]).read_to_end(&mut rows);
+                    let expected = (width * 3 + 1) * height;
+                    assert!(ended.is_ok() && rows.len() == expected, "{width} x {height}, {bits} bits: {ended:?}");
+                }
             }
         }
     }
