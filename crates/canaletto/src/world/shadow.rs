@@ -66,7 +66,9 @@ struct ShadowRay {
     end: Vec3,
     /// The share of the light that has passed so far.
     passed: f32,
-    /// The number of surfaces in a row that brought the ray no nearer to its end.
+    /// How far along its initial direction the ray has come, times the square of the direction's length.
+    progress: f64,
+    /// The number of surfaces in a row that brought the ray no further.
     stalled: u32,
     /// The surfaces that coincide with the last one.
     contacts: Vec<Contact>,
@@ -74,7 +76,8 @@ struct ShadowRay {
 
 impl ShadowRay {
     fn new(ray: &Ray) -> Self {
-        Self { line: DRay::from(ray), end: ray.origin + ray.direction, passed: 1.0, stalled: 0, contacts: Vec::new() }
+        let (line, end) = (DRay::from(ray), ray.origin + ray.direction);
+        Self { line, end, passed: 1.0, progress: 0.0, stalled: 0, contacts: Vec::new() }
     }
 }
 
@@ -206,11 +209,12 @@ impl World {
             crossing.passed = 0.0;
             return false;
         }
-        let start = ray.origin;
         ray.origin = offset_origin(surface.point, surface.error, surface.normal, ray.direction.as_dvec3());
-        // Where a surface is flatter than rounding errors, the ray hits it again without advancing.
-        let advances = (ray.origin - start).dot(ray.direction) > 0.0;
-        crossing.stalled = if advances { 0 } else { crossing.stalled + 1 };
+        // Where a surface is flatter than rounding errors, the ray hits it again without advancing. Between two such
+        // surfaces it may go to and fro, so that only what is beyond all earlier origins counts.
+        let progress = (ray.origin.as_dvec3() - crossing.line.origin).dot(crossing.line.direction);
+        crossing.stalled = if progress > crossing.progress { 0 } else { crossing.stalled + 1 };
+        crossing.progress = crossing.progress.max(progress);
         if crossing.stalled > MAX_STALLED {
             return false;
         }

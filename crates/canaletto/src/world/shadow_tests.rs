@@ -104,3 +104,31 @@ fn a_remembered_occluder_changes_no_result() {
         assert_eq!(fresh, expected, "x = {x}");
     }
 }
+
+/// Twelve large spheres with nearly the same centre. Between two of their surfaces a ray that is rounded at each hit may
+/// go to and fro, up to the most surfaces that a ray crosses. Along a surface it advances by units in the last place.
+#[test]
+fn rays_between_surfaces_closer_than_rounding_end() {
+    const RADIUS: f32 = 440_000.0;
+    let center = |i: u32| Vec3::new((i as f32 * 0.71).sin(), (i as f32 * 1.3).cos(), (i as f32 * 2.1).sin()) * 1.5;
+    let ball = |i: u32| {
+        let sphere = Shape::Sphere(Sphere { center: center(i), radius: RADIUS });
+        Node { material: Some(0), ..Node::new(Content::Shape(sphere)) }
+    };
+    let clear = Material::new("clear", Phong { opacity: 0.0, ..Phong::default() });
+    let world =
+        World::build(Scene { materials: vec![clear], nodes: (0..12).map(ball).collect(), ..Scene::default() }).unwrap();
+    let mut most = 0;
+    for turn in 0..64 {
+        let (y, angle) = ((turn as f32 - 31.5) / 32.0, turn as f32 * 2.4);
+        let across = (1.0 - y * y).sqrt();
+        let direction = Vec3::new(across * angle.cos(), y, across * angle.sin());
+        for (i, j) in (0..12).flat_map(|i| (0..12).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+            let [from, to] = [i, j].map(|i| center(i) + direction * RADIUS);
+            let (mut cache, mut blockers) = (OccluderCache::NONE, Blockers::default());
+            world.transmittance(&Ray::new(from, to - from), 0.9999999, 0.0, None, &mut cache, &mut blockers);
+            most = most.max(blockers.0.len());
+        }
+    }
+    assert!(most < 2000, "{most} surfaces");
+}
