@@ -157,6 +157,7 @@ mod tests {
     #[test]
     fn many_rays_meet_a_sphere_as_each_does() {
         let random = &mut Random(54);
+        let sets = InstructionSet::available();
         let (mut hits, mut rays) = (0, Vec::new());
         for n in 0..4000 {
             let scale = [1.0, 1e-36, 1e20, 1e3][n % 4];
@@ -181,7 +182,7 @@ mod tests {
                     [f32::INFINITY, t, t.next_down(), f32::NEG_INFINITY, 0.0][random.below(5)]
                 })
                 .collect();
-            for set in InstructionSet::available() {
+            for set in sets {
                 set.limit();
                 let mut found = t_max.clone();
                 intersect_many(&rays, center, radius, &mut found);
@@ -193,6 +194,6 @@ mod tests {
                 }
             }
         }
-        assert!(hits > 10_000, "{hits}");
+        assert!(hits > 3_000 * sets.len(), "{hits} hits by {sets:?}");
     }
 }
