@@ -1,6 +1,7 @@
-//! Warnings about parts of a scene that its integrator leaves out.
+//! Warnings about parts of a scene that its integrator leaves out, and about pictures that take it very long.
 
-use canaletto::diagnose::{Omission, omissions};
+use crate::format::count;
+use canaletto::diagnose::{Omission, large_ray_trees, omissions};
 use canaletto::render::Job;
 use canaletto::world::World;
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
@@ -31,4 +32,17 @@ pub(crate) fn doubt_omissions(name: &str, world: &World, job: &Job) -> Diagnosti
         });
     }
     all
+}
+
+/// The warning about camera rays that branch into thousands of rays. `name` is the name of the scene.
+pub(crate) fn doubt_ray_trees(name: &str, world: &World, job: &Job) -> Diagnostics {
+    let Some(trees) = large_ray_trees(world, job) else { return Diagnostics::new() };
+    let more = if trees.is_more { "more than " } else { "" };
+    let [rays, shadow_rays] = [trees.rays, trees.shadow_rays].map(|rays| count(rays as u64));
+    let message = format!(
+        "this picture takes long: a camera ray branches into {more}{rays} rays on average, {shadow_rays} of them to lights"
+    );
+    let help = "--max-depth 3 ends trees of mirrored and refracted rays earlier, integrator { min-weight 0.01 } leaves \
+                out rays that hardly count, and fewer points in a light take fewer rays";
+    Diagnostic::warning(name, message).help(help).into()
 }

@@ -10,7 +10,7 @@ use crate::format::{JSON_VERSION, count, duration, plural};
 use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
 use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
-use crate::omissions::{doubt_omissions, shortfalls};
+use crate::omissions::{doubt_omissions, doubt_ray_trees, shortfalls};
 use crate::output_format::Format;
 use crate::passes::{
     OutlookTime, PassObserver, add_samples, noise_left, sample_warnings, samples_of_file, scene_digest,
@@ -163,6 +163,9 @@ impl<'a> Series<'a> {
                 let (world, time) = build(&self.reader.name, scene, &options, frame_context.before.take())?;
                 (frame_context.hierarchies, frame_context.times.build) = (world.origins(), time.as_secs_f64());
                 self.tell_of(&doubt_omissions(&self.reader.name, &world, &frame_context.job));
+                if self.rendered == 0 && !self.flags.quiet {
+                    self.tell_of(&doubt_ray_trees(&self.reader.name, &world, &frame_context.job));
+                }
                 frame_context.world = Some(world);
             }
             let Some(world) = &frame_context.world else { continue };

@@ -4,9 +4,11 @@
 
 mod brightness;
 mod omission;
+mod ray_trees;
 
 pub use brightness::Reason;
 pub use omission::{Omission, omissions};
+pub use ray_trees::{RayTrees, large_ray_trees};
 
 use crate::light::PreparedLight;
 use crate::math::DRay;
@@ -160,6 +162,15 @@ fn nothing_in_view(world: &World, job: &Job) -> Finding {
     Finding::NothingInView { bounds: Some([low, high]), behind }
 }
 
+/// The pixels of a grid of at most `most` columns and rows over the job's window.
+fn pixel_grid(job: &Job, most: [u32; 2]) -> Vec<[u32; 2]> {
+    let [x, y, width, height] = job.window();
+    let (columns, rows) = (width.min(most[0]), height.min(most[1]));
+    let at = |index: u32, count: u32, side: u32| ((f64::from(index) + 0.5) / f64::from(count) * f64::from(side)) as u32;
+    let pixels = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
+    pixels.map(|[column, row]| [x + at(column, columns, width), y + at(row, rows, height)]).collect()
+}
+
 fn first_hit(world: &World, line: &DRay) -> Option<Hit> {
     world.intersect(&line.rounded(), f32::INFINITY)
 }
@@ -217,7 +228,9 @@ mod tests {
     use crate::light::{DiskLight, Light, LightKind, Omni};
     use crate::material::{Material, Phong};
     use crate::math::Rgb;
-    use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
+    use crate::scene::{
+        Extrinsics, FilmSettings, Integrator, Intrinsics, Node, Scene, WhittedSettings, ZbufferSettings,
+    };
     use crate::shape::{Cuboid, Disk, Plane, Shape, Sphere};
     use glam::Vec3;
 
@@ -270,18 +283,21 @@ mod tests {
         }
         let black = Phong { kd: Rgb::BLACK, ..Phong::default() };
         let mirror = Phong { k: Rgb::WHITE, ..black };
-        let depth_one_with = |phong: Phong, more: Vec<Node>| {
+        let by = |integrator: Integrator, phong: Phong, more: Vec<Node>| {
             let nodes = [vec![ball(Vec3::ZERO, 1.0).with_material(0), lamp(AWAY)], more].concat();
             let scene = Scene { nodes, materials: vec![Material::new("m", phong)], ..Scene::default() };
             let place = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, up: DVec3::Y };
             let camera = Camera::new(&Intrinsics::default(), &place).unwrap();
-            let settings = WhittedSettings { max_depth: 1, ..WhittedSettings::default() };
-            diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), settings))
+            diagnose(&World::build(scene).unwrap(), &Job::new(camera, FilmSettings::default(), integrator))
         };
+        let one = WhittedSettings { max_depth: 1, ..WhittedSettings::default() };
+        let depth_one_with = |phong: Phong, more: Vec<Node>| by(one.into(), phong, more);
         let depth_one = |phong: Phong| depth_one_with(phong, Vec::new());
         assert_eq!(depth_one(black), [Finding::Black { reasons: vec![Reason::BlackMaterial("m".into())] }]);
         assert_eq!(depth_one(mirror), [Finding::Black { reasons: vec![Reason::NotFollowed] }]);
         assert_eq!(depth_one(Phong::default()), []);
+        let rasterised = by(ZbufferSettings::default().into(), mirror, Vec::new());
+        assert_eq!(rasterised, [Finding::Black { reasons: vec![Reason::NotFollowed] }]);
         // The lit ball in front of the black one is too small for the first grid.
         assert_eq!(depth_one_with(black, vec![ball(Vec3::Z * 1.5, 0.03)]), []);
     }

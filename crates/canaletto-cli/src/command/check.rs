@@ -5,7 +5,7 @@ use crate::failure::{Failure, plural, print_diagnostics};
 use crate::flags::PictureFlags;
 use crate::format::{JSON_VERSION, short};
 use crate::frames::Frames;
-use crate::omissions::doubt_omissions;
+use crate::omissions::{doubt_omissions, doubt_ray_trees};
 use crate::settings::Settings;
 use crate::source::{Reader, build};
 use crate::stdout::{print, print_json};
@@ -127,6 +127,7 @@ fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnos
                 }
                 found.add(refused);
                 found.add(doubt_omissions(&name, &world, job));
+                found.add(doubt_ray_trees(&name, &world, job));
             }
         }
     }
@@ -345,6 +346,18 @@ mod tests {
         );
         assert!(camera("eye 0 0 0; center 0 0 20").contains("the eye is inside sphere #1"));
         assert!(camera("eye 0 0 9; fovy 1.05").contains("looks like an angle in radians"));
+    }
+
+    #[test]
+    fn rays_that_branch_a_thousand_times_are_told() {
+        let balls = "repeat x=3 y=3 z=3 { sphere material=\"m\" { center x y z; radius 0.9 } }\n";
+        let told = |coverage: &str| {
+            let material = format!("material \"m\" {{ k 0.9; {coverage} }}\n");
+            told(&format!("camera {{ eye 1 1 9; fovy 20; size 64 48 }}\n{LAMP}{material}{balls}"))
+        };
+        let many = told("coverage 0.5");
+        assert!(many.starts_with("this picture takes long: a camera ray branches into "), "{many}");
+        assert_eq!(told(""), "");
     }
 
     #[test]

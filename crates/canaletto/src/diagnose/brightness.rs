@@ -1,6 +1,6 @@
 //! Detection of pictures that are all black or brighter than white, with the reasons for black.
 
-use super::first_hit;
+use super::{first_hit, pixel_grid};
 use crate::explain::{HitNode, LightNode, Outcome, Side, explain};
 use crate::film::WeightedSum;
 use crate::integrator::{PreparedPath, PreparedRayIntegrator, RayIntegrator, Whitted};
@@ -54,7 +54,10 @@ impl fmt::Display for Reason {
                 write!(f, "material \"{name}\" emits from its outer side only, and the inner side is in view")
             }
             Reason::NotFollowed => {
-                write!(f, "it is seen in mirrors and clear bodies only, which max-depth doesn't follow")
+                write!(
+                    f,
+                    "it is seen in mirrors and clear bodies only, which the integrator or max-depth doesn't follow"
+                )
             }
             Reason::LightOff(light) => write!(f, "the intensity of {light} is 0"),
             Reason::LightDoesNotReach(light) => write!(f, "{light} doesn't reach it, or is too weak there"),
@@ -178,19 +181,14 @@ fn colors<'w>(integrator: &mut impl RayIntegrator<'w>, job: &Job, pixels: Vec<[u
 
 /// The pixels of a grid that see something.
 fn hits(world: &World, job: &Job, most: [u32; 2]) -> Vec<[u32; 2]> {
-    let [x, y, width, height] = job.window();
-    let (columns, rows) = (width.min(most[0]), height.min(most[1]));
-    let at = |index: u32, count: u32, side: u32| ((f64::from(index) + 0.5) / f64::from(count) * f64::from(side)) as u32;
-    let pixels = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
-    let pixels = pixels.map(|[column, row]| [x + at(column, columns, width), y + at(row, rows, height)]);
     let camera = job.camera.at(0.0);
     let full_height = f64::from(camera.size()[1]);
+    let mut pixels = pixel_grid(job, most);
+    pixels.retain(|[x, y]| {
+        let line = camera.line(f64::from(*x) + 0.5, full_height - f64::from(*y) - 0.5);
+        first_hit(world, &line).is_some()
+    });
     pixels
-        .filter(|[x, y]| {
-            let line = camera.line(f64::from(*x) + 0.5, full_height - f64::from(*y) - 0.5);
-            first_hit(world, &line).is_some()
-        })
-        .collect()
 }
 
 /// The reasons why the visible surfaces are black.
@@ -217,7 +215,12 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
         if let Some(hit) = hits.iter().find(turned_away) {
             return vec![Reason::EmitsOutwards(hit.material.clone())];
         }
-        return match hits.iter().find(|hit| !goes_on(hit)) {
+        // The explanation of a z-buffer has neither mirrored nor refracted rays.
+        let would_go_on = |hit: &HitNode| {
+            let phong = hit.model.phong();
+            goes_on(hit) || !phong.k.is_black() || phong.opacity < 1.0
+        };
+        return match hits.iter().find(|hit| !would_go_on(hit)) {
             Some(black) => vec![Reason::BlackMaterial(black.material.clone())],
             None if hits.iter().all(|hit| hit.children.is_empty()) => vec![Reason::NotFollowed],
             None => Vec::new(),
