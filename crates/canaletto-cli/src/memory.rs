@@ -79,9 +79,17 @@ pub(crate) fn picture(job: &Job, format: Format, denoises: bool) -> u64 {
     let samples = samples(&kept);
     // The samples are freed or written before a picture is encoded; both together are the most.
     let blocks = if format.has_layers() && samples.blocks > 1 { 3 * samples.blocks } else { 0 };
+    let alpha = if job.film.alpha { alpha(&kept) } else { 0 };
     let made = channels(&kept.aovs, Format::default()) + samples.bytes + if denoises { DENOISING } else { 0 };
     let written = channels(&job.aovs, format) + samples.bytes + blocks * 3 * NUMBER;
-    pixels.saturating_mul(made.max(written))
+    pixels.saturating_mul(made.max(written) + alpha)
+}
+
+/// What alpha takes for each pixel: the channel, its encoded form, and the sums of its samples. Without passes these are
+/// a layer.
+fn alpha(job: &Job) -> u64 {
+    let sums = if job.passes().is_ok() { size_of::<(f64, u32)>() as u64 } else { NUMBER };
+    2 * NUMBER + sums
 }
 
 /// The bytes of a number in a channel.

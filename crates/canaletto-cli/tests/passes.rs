@@ -506,6 +506,9 @@ fn memory_is_told_beforehand() {
         "--samples 2 --denoise=fast -o a.png",
         "--integrator zbuffer -o a.png",
         "--samples 2 --set integrator.guiding=on -o a.png",
+        "--samples 2 --background none -o a.png",
+        "--samples 3 --background none -o a.exr",
+        "--integrator whitted --background none -o a.png",
     ] {
         let run = format!("render s.kdl --size 480x360 {flags} --progress json");
         let said = folder.says(&format!("{run} --dry-run"), 0, &["\"peak\""]);
