@@ -3,8 +3,8 @@
 use super::tests::{PATH, matte, mean, node, pixels};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::material::{
-    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardSpecular, StandardSurface,
-    StandardTransmission, Target, TextureUse,
+    Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardFuzz, StandardSpecular,
+    StandardSubsurface, StandardSurface, StandardThinFilm, StandardTransmission, Target, TextureUse,
 };
 use crate::math::Rgb;
 use crate::scene::{Content, Node, Scene};
@@ -186,6 +186,30 @@ fn corners_of_materials_keep_light() {
         add(format!("half a metal, {roughness}"), standard(of(roughness, [1.5, 1.0], 0.5, 0.5)), 1.0);
         let coat = StandardCoat { weight: 1.0, ior: 1e4, roughness, ..StandardCoat::default() };
         add(format!("coat, {roughness}"), standard(StandardSurface { coat, ..of(0.3, [1.5, 1.0], 0.5, 0.0) }), 0.0);
+        let plastic = of(roughness, [1.5, 1.0], 0.0, 0.0);
+        for thickness in [0.0, 0.4, 1e3] {
+            let thin_film = StandardThinFilm { weight: 1.0, thickness, ior: 1.4 };
+            for (base, surface) in [("plastic", plastic), ("glass", of(roughness, [1.5, 1.0], 1.0, 0.0))] {
+                let surface = StandardSurface { thin_film, ..surface };
+                add(format!("film of {thickness} on {base}, {roughness}"), standard(surface), 0.9);
+            }
+        }
+        for weight in [0.3, 1.0] {
+            let fuzz = StandardFuzz { weight, color: Rgb::WHITE, roughness };
+            add(format!("fuzz {weight}, {roughness}"), standard(StandardSurface { fuzz, ..plastic }), 0.9);
+        }
+        for clear in [0.0, 0.5, 1.0] {
+            let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE };
+            let pane = StandardSurface { thin_walled: true, subsurface, ..of(roughness, [1.5, 1.0], clear, 0.0) };
+            add(format!("thin wall, clear {clear}, {roughness}"), standard(pane), 1.0);
+        }
+        for coverage in [0.01, 0.5] {
+            add(format!("coverage {coverage}, {roughness}"), standard(plastic).with_coverage(coverage), 1.0);
+        }
+        for n in [1.0, 30.0, 1e5] {
+            // A sky's light returns by ks, whatever the exponent is.
+            add(format!("highlights of {n}, {roughness}"), phong([0.3, 0.5, 0.2, 1.0], n, roughness), 0.8);
+        }
         for eta in [1.0, 1.0001, 1.5, 1e4, 1e8] {
             add(format!("dielectric {eta}, {roughness}"), dielectric(eta, roughness), 1.0);
         }

@@ -648,4 +648,50 @@ mod tests {
             }
         }
     }
+
+    /// The same on the faces of cubes, whose grid isn't that of the density. Texels at their corners are the smallest.
+    #[test]
+    fn lone_texels_of_cubes_are_found_wherever_they_stand() {
+        for (n, face, at) in [
+            (8, 0, [3, 3]),
+            (8, 0, [0, 0]),
+            (8, 2, [4, 4]),
+            (8, 5, [7, 2]),
+            (32, 0, [0, 0]),
+            (32, 2, [15, 16]),
+            (32, 2, [0, 31]),
+            (7, 2, [3, 3]),
+            (1, 2, [0, 0]),
+            (2, 3, [0, 1]),
+        ] {
+            let what = format!("{at:?} of face {face} of {n}");
+            let kind = EnvironmentKind::Cube { faces: [0, 1, 2, 3, 4, 5], smoothing: Smoothing::Bilinear };
+            let black = |i: u32| match i == face {
+                true => lamp([n, n], at),
+                false => Image { samples: Samples::F32(vec![0.0; (n * n * 3) as usize]), ..lamp([n, n], at) },
+            };
+            let images = &mut [0, 1, 2, 3, 4, 5].map(black);
+            let environment = PreparedEnvironment::new(&Environment::new(kind), images, |_| false).unwrap();
+            let distribution = EnvironmentDistribution::new(&environment).unwrap();
+            let steps = [(distribution.size[0] * 2, 720), (distribution.texel_rows() * 2 * POLAR, 720)];
+            let [columns, rows] = steps.map(|(step, fewest)| (step * usize::div_ceil(fewest, step)) as u32);
+            let weights = distribution.weights(DVec3::ZERO, false);
+            let (mut expected, mut whole, mut squares, mut heaviest) = (0.0, 0.0, 0.0, 0.0f64);
+            for i in 0..columns * rows {
+                let place =
+                    [(i % columns, columns), (i / columns, rows)].map(|(i, n)| (f64::from(i) + 0.5) / f64::from(n));
+                let d = panorama::direction(place);
+                let solid = 2.0 * PI * PI * libm::sin(PI * place[1]) / f64::from(columns * rows);
+                let radiance = f64::from(environment.radiance_without_sun(d, [DVec3::ZERO; 2]).r);
+                let pdf = distribution.pdf((DVec3::ZERO, false), weights.total(), d, place);
+                expected += radiance * solid;
+                whole += pdf * solid;
+                squares += radiance * radiance / pdf * solid;
+                heaviest = heaviest.max(radiance / pdf);
+            }
+            assert!((whole - 1.0).abs() < 2e-3, "{what}: density {whole}");
+            let (relative, heaviest) = (squares / (expected * expected) - 1.0, heaviest / expected);
+            assert!(relative < 3.0 && heaviest < 8.0, "{what}: {relative}, {heaviest}");
+        }
+    }
 }
