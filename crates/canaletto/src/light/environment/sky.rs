@@ -53,7 +53,7 @@ impl Default for Sky {
 
 /// The decimal logarithm of the illuminance from the sky, relative to that with the sun at the horizon, at each 2
 /// degrees below it (Janiczek and DeYoung, *Computer Programs for Sun and Moon Illuminance*, US Naval Observatory
-/// Circular 171, 1987): 759 lux at sunset, 3.4 lux where civil twilight ends at 6 degrees, 0.0065 lux at night.
+/// Circular 171, 1987): 759 lux at sunset, 3.4 lux where civil twilight ends at 6 degrees, 0.00065 lux at night.
 const TWILIGHT: [f64; 10] = [0.0, -0.603, -1.404, -2.347, -3.338, -4.256, -4.974, -5.415, -5.721, -6.071];
 /// The depth below the horizon in degrees at which the sun has set: its radius, and the refraction of the air.
 const SUNSET: f64 = (16.0 + 34.0) / 60.0;
