@@ -31,6 +31,8 @@ const FEWEST_BEYOND: usize = 4;
 const MOST_REGIONS: usize = 4;
 /// The share of the colours' range around a pixel by which a filter that fits best is off.
 const INEXACT: f64 = 0.06;
+/// The least mean difference of a small highlight in steps of 8 bits.
+const LEAST_MEAN: f64 = 0.5;
 /// As [`INEXACT`], for the sum of light over 5 × 5 pixels.
 const SUM_INEXACT: f64 = 0.25;
 /// The largest difference of a pixel in steps of 8 bits that doesn't count in a sum: rounding down.
@@ -358,7 +360,9 @@ impl Grader<'_> {
         }
         self.connected(seen, both, &object, &|region, _| {
             let count = |kind: usize| region.iter().filter(|i| looked[**i][kind]).count();
-            count(0) >= 2 || count(1) > 0
+            // Negative lobes of a filter by random rays make pairs of a darker and a brighter pixel.
+            let mean = region.iter().map(|i| both.difference(*i)).sum::<DVec3>() / region.len() as f64;
+            (count(0) >= 2 || count(1) > 0) && mean.abs().max_element() >= LEAST_MEAN
         })
     }
 
