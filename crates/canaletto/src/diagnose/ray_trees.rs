@@ -87,7 +87,7 @@ mod tests {
         let film = FilmSettings { sampling: Sampling::Center, ..FilmSettings::default() };
         let job = |max_depth: u32| {
             let settings = WhittedSettings { max_depth, min_weight: 0.0, ..WhittedSettings::default() };
-            Job::new(camera.clone(), film.clone(), settings)
+            Job::new(camera.clone(), film, settings)
         };
         let trees = large_ray_trees(&world, &job(4)).unwrap();
         let rays = render(&world, &job(4), &()).unwrap().counts.rays;
