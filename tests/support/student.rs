@@ -232,8 +232,8 @@ impl<'a> StudentTracer<'a> {
         picture
     }
 
-    /// The picture's bytes by random rays that are splatted: each counts in all pixels within the filter's radius, by the
-    /// filter's product of both offsets over the sum of all weights.
+    /// The picture's bytes by random rays that are splatted: each counts in all pixels within the filter's radius, by
+    /// the filter's product of both offsets over the sum of all weights.
     pub fn splatted(&self, [w, h]: [u32; 2], filter: &SplatFilter, rays: u32, seed: u64) -> Vec<[u8; 3]> {
         let mut sums = vec![(DVec3::ZERO, 0.0); (w * h) as usize];
         let mut state = seed;

@@ -85,8 +85,8 @@ pub(crate) fn picture(job: &Job, format: Format, denoises: bool) -> u64 {
     pixels.saturating_mul(made.max(written) + alpha)
 }
 
-/// What alpha takes for each pixel: the channel, its encoded form, and the sums of its samples. Without passes these are
-/// a layer.
+/// What alpha takes for each pixel: the channel, its encoded form, and the sums of its samples. Without passes these
+/// are a layer.
 fn alpha(job: &Job) -> u64 {
     let sums = if job.passes().is_ok() { size_of::<(f64, u32)>() as u64 } else { NUMBER };
     2 * NUMBER + sums

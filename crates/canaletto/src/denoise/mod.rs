@@ -1,8 +1,8 @@
 //! Denoising: from a noisy picture and what is known of its surfaces to one without noise.
 //!
-//! 1. Outliers are lowered, which one half of the samples met alone, or both by chance. Their light is spread over their
-//!    surroundings after the filters, in proportion to the light there, and so far that it isn't seen. How much there
-//!    was is reported.
+//! 1. Outliers are lowered, which one half of the samples met alone, or both by chance. Their light is spread over
+//!    their surroundings after the filters, in proportion to the light there, and so far that it isn't seen. How much
+//!    there was is reported.
 //! 2. Light is divided by the albedo, so that textures are no edges.
 //! 3. Two filters average what belongs together: à-trous wavelets, which are fast, and first-order regression. Islands
 //!    that the wavelets leave in one half alone are spread like outliers.

@@ -20,9 +20,9 @@ const VISIBLE: f32 = 0.02;
 /// The least ratio of two albedos of alike surfaces.
 const ALIKE: f32 = 0.7;
 
-/// What the pixels of each half are multiplied by to have no outliers. A pixel is at most [`TOLERANCE`] times the fourth
-/// brightest of the 3 × 3 pixels of both halves, or times the same pixel of the other half where that confirms it,
-/// whatever is more. Lamps are never outliers.
+/// What the pixels of each half are multiplied by to have no outliers. A pixel is at most [`TOLERANCE`] times the
+/// fourth brightest of the 3 × 3 pixels of both halves, or times the same pixel of the other half where that confirms
+/// it, whatever is more. Lamps are never outliers.
 ///
 /// Two halves that are bright at one pixel show a highlight, unless chance explains it. Where many pixels of each half
 /// are bright, as by caustics, some are bright in both. If a of n pixels are bright in one half and b in the other one,
@@ -168,7 +168,8 @@ fn third_largest(window: &Window, inside: &Window, x: usize, y: usize) -> f32 {
     top[2]
 }
 
-/// The fourth brightest of the 3 × 3 pixels of both halves, which are 18; at the picture's edges the same share of them.
+/// The fourth brightest of the 3 × 3 pixels of both halves, which are 18; at the picture's edges the same share of
+/// them.
 fn fourth_largest(halves: [&Window; 2], inside: &Window, x: usize, y: usize) -> f32 {
     let (mut values, mut count) = ([0.0; 18], 0);
     for v in halves.into_iter().flat_map(|half| half.neighbors(inside, x, y)) {

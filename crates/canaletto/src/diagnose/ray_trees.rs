@@ -21,8 +21,8 @@ pub struct RayTrees {
     pub is_more: bool,
 }
 
-/// The pixels of each side whose trees are counted, and the step from one to the next: a prime that divides none of their
-/// numbers.
+/// The pixels of each side whose trees are counted, and the step from one to the next: a prime that divides none of
+/// their numbers.
 const GRID: [u32; 2] = [8, 8];
 const STEP: usize = 37;
 /// The rays at which the counting of a tree ends, and that of all trees.

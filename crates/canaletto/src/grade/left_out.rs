@@ -24,8 +24,8 @@ pub(super) fn left_out(world: &World, job: &Job) -> Vec<&'static str> {
 }
 
 /// The mean error of the student's picture against Canaletto's own, in steps of 8 bits. Where random numbers differ,
-/// the means around each pixel are compared. Any colour between those of neighbours is right then, since filters differ.
-/// None if the render was cancelled.
+/// the means around each pixel are compared. Any colour between those of neighbours is right then, since filters
+/// differ. None if the render was cancelled.
 pub(super) fn own_error(
     world: &World,
     job: &Job,

@@ -475,7 +475,8 @@ impl Grader<'_> {
         judgement.regions.is_empty() && self.is_small(error) && !(self.is_sharp && error > SHARP_ERROR)
     }
 
-    /// The grade by the hypotheses, the best first. `faultless` is the judgement of a picture that is known to be right.
+    /// The grade by the hypotheses, the best first. `faultless` is the judgement of a picture that is known to be
+    /// right.
     fn verdict(&self, guesses: Vec<Guess<'_>>, context: &Context<'_>, faultless: Option<Judgement>) -> Grade {
         let Context { stages, nearest, right_error, compared, subject, remark } = context;
         let full = stages.first().map_or(Stage::Full, |(stage, _)| *stage);

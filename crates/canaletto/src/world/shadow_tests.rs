@@ -105,8 +105,9 @@ fn a_remembered_occluder_changes_no_result() {
     }
 }
 
-/// Twelve large spheres with nearly the same centre. Between two of their surfaces a ray that is rounded at each hit may
-/// go to and fro, up to the most surfaces that a ray crosses. Along a surface it advances by units in the last place.
+/// Twelve large spheres with nearly the same centre. Between two of their surfaces a ray that is rounded at each hit
+/// may go to and fro, up to the most surfaces that a ray crosses. Along a surface it advances by units in the last
+/// place.
 #[test]
 fn rays_between_surfaces_closer_than_rounding_end() {
     const RADIUS: f32 = 440_000.0;
