@@ -125,11 +125,12 @@ fn encode_exr_while(
         channels.push(ex::AnyChannel::new(name(&channel.name)?, samples(channel, options)));
     }
     let mut attributes = ex::LayerAttributes { software_name: Some(SOFTWARE.into()), ..Default::default() };
-    let stored = |channel: &Channel, pixel: usize| match channel.ids.get(pixel) {
+    let stored = |channel: &Channel, kind: Kind, pixel: usize| match channel.ids.get(pixel) {
         Some(id) => *id as f32,
-        None => kind(&channel.name, options).stored(channel.data[pixel]),
+        None => kind.stored(channel.data[pixel]),
     };
-    let pixels = (PIXEL_HASH.to_owned(), hash(image, stored).text());
+    let kind_of = |channel: &Channel| kind(&channel.name, options);
+    let pixels = (PIXEL_HASH.to_owned(), hash(image, kind_of, stored).text());
     for (key, value) in metadata.iter().filter(|(key, _)| key != PIXEL_HASH).chain([&pixels]) {
         attributes.other.insert(name(key)?, ex::AttributeValue::Text(to_utf8(value)));
     }
@@ -328,7 +329,8 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     check(&image)?;
     let bits = bits(image.channels.iter().map(|channel| channel.name.as_str()).zip(are_half));
     let told = metadata.iter().position(|(key, _)| key == PIXEL_HASH).map(|place| metadata.remove(place).1);
-    let is_changed = told.is_some_and(|told| !many && told != hash(&image, |channel, v| channel.data[v]).text());
+    let is_changed =
+        told.is_some_and(|told| !many && told != hash(&image, |_| Kind::Float, |channel, _, v| channel.data[v]).text());
     Ok(Decoded {
         image,
         bits,
@@ -341,12 +343,14 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     })
 }
 
-/// The hash of an image whose channels have these values at a pixel.
-fn hash(image: &Image, value: impl Fn(&Channel, usize) -> f32) -> PixelHash {
+/// The hash of an image whose channels have these types, and these values at a pixel.
+fn hash(image: &Image, kind: impl Fn(&Channel) -> Kind, value: impl Fn(&Channel, Kind, usize) -> f32) -> PixelHash {
     let (mut hash, width) = (PixelHash::default(), image.width as usize);
     for channel in &image.channels {
+        let kind = kind(channel);
         for row in 0..image.height as usize {
-            hash.add_row(&channel.name, row, (row * width..(row + 1) * width).map(|pixel| value(channel, pixel)));
+            let pixels = row * width..(row + 1) * width;
+            hash.add_row(&channel.name, row, pixels.map(|pixel| value(channel, kind, pixel)));
         }
     }
     hash
