@@ -40,7 +40,8 @@ pub(crate) fn doubt_ray_trees(name: &str, world: &World, job: &Job) -> Diagnosti
     let more = if trees.is_more { "more than " } else { "" };
     let [rays, shadow_rays] = [trees.rays, trees.shadow_rays].map(|rays| count(rays as u64));
     let message = format!(
-        "this picture takes long: a camera ray branches into {more}{rays} rays on average, {shadow_rays} of them to lights"
+        "this picture takes long: a camera ray branches into {more}{rays} rays on average, {shadow_rays} of them to \
+         lights"
     );
     let help = "--max-depth 3 ends trees of mirrored and refracted rays earlier, integrator { min-weight 0.01 } leaves \
                 out rays that hardly count, and fewer points in a light take fewer rays";

@@ -163,7 +163,7 @@ fn radius(filter: Filter) -> f64 {
 }
 
 /// The value f(x) along one axis, with integral 1.
-fn value(filter: Filter, x: f64) -> f64 {
+pub(crate) fn value(filter: Filter, x: f64) -> f64 {
     let x = x.abs();
     match filter {
         Filter::Box => 1.0,

@@ -15,6 +15,7 @@ mod tone;
 pub(crate) use develop::display_all;
 pub use develop::{Developer, develop, srgb_encode};
 pub use exposure::metered_exposure;
+pub(crate) use filter::value as filter_value;
 pub use filter::{Division, FilterTable, Part};
 pub use half_buffers::HalfBuffers;
 pub use picture::{Layer, Picture, unpremultiplied};

@@ -4,7 +4,7 @@
 use super::display::{displayed, srgb_decode};
 use super::finding::neat_numbers;
 use super::{Grader, Guess, thinned};
-use crate::film::srgb_encode;
+use crate::film::{filter_value, srgb_encode};
 use crate::scene::{Developing, Filter, Transfer};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -105,18 +105,17 @@ impl PictureFilter {
 
     /// The value at an offset along an axis, not normalised.
     fn value(&self, x: f64) -> f64 {
-        let cubic = |x: f64, inner: [f64; 4], outer: [f64; 4]| {
-            let [a, b, c, d] = if x < 1.0 { inner } else { outer };
-            ((a * x + b) * x + c) * x + d
-        };
         let t = x.abs() / self.radius();
         match *self {
             _ if t > 1.0 => 0.0,
             Box(_) => 1.0,
             Tent(_) => 1.0 - t,
             Gaussian(sigma) => libm::exp(-0.5 * (x / sigma) * (x / sigma)),
-            Mitchell(_) => cubic(2.0 * t, [7.0, -12.0, 0.0, 16.0 / 3.0], [-7.0 / 3.0, 12.0, -20.0, 32.0 / 3.0]),
-            CatmullRom(_) => cubic(2.0 * t, [1.5, -2.5, 0.0, 1.0], [-0.5, 2.5, -4.0, 2.0]),
+            Mitchell(_) => filter_value(Filter::Mitchell, 2.0 * t),
+            CatmullRom(_) => {
+                let x = 2.0 * t;
+                if x < 1.0 { (1.5 * x - 2.5) * x * x + 1.0 } else { ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0 }
+            }
         }
     }
 

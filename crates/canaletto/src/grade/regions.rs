@@ -31,10 +31,10 @@ const FEWEST_BEYOND: usize = 4;
 const MOST_REGIONS: usize = 4;
 /// The share of the colours' range around a pixel by which a filter that fits best is off.
 const INEXACT: f64 = 0.06;
-/// The least mean difference of a small highlight in steps of 8 bits.
-const LEAST_MEAN: f64 = 0.5;
 /// As [`INEXACT`], for the sum of light over 5 × 5 pixels.
 const SUM_INEXACT: f64 = 0.25;
+/// The least mean difference of a small highlight in steps of 8 bits.
+const LEAST_MEAN: f64 = 0.5;
 /// The largest difference of a pixel in steps of 8 bits that doesn't count in a sum: rounding down.
 const SUM_ROUNDED: f64 = 1.1;
 /// The sum of differences of light in steps of 8 bits that is none.
@@ -439,10 +439,9 @@ impl Grader<'_> {
             if !takes(&region, &is_own) {
                 continue;
             }
-            let difference = |i: usize| both.difference(i);
-            let sum: DVec3 = region.iter().map(|i| difference(*i)).sum();
+            let sum: DVec3 = region.iter().map(|i| both.difference(*i)).sum();
             let worst = region.iter().copied().max_by(|a, b| {
-                let size = |i: usize| difference(i).abs().max_element();
+                let size = |i: usize| both.difference(i).abs().max_element();
                 size(*a).total_cmp(&size(*b)).then(b.cmp(a))
             });
             let worst = worst.unwrap_or(first);
