@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use crate::slab;
+use crate::min_max::{max, min};
 use bytemuck::Zeroable;
 use glam::Vec3;
 
@@ -32,7 +32,7 @@ impl Aabb {
         if !(a.is_finite() && b.is_finite() && c.is_finite()) {
             return Self::from_points(corners);
         }
-        Self { min: of(slab::min), max: of(slab::max) }
+        Self { min: of(min), max: of(max) }
     }
 
     /// The smallest box around this box and `other`.

@@ -22,11 +22,11 @@
 //! | Embree | here | file |
 //! |---|---|---|
 //! | `PrimRef` | `PrimRef`: a primitive's box and id | `build/prim_ref.rs` |
-//! | `HeuristicArrayBinningSAH` | `Bins`, `Plan` | `build/binning.rs`, `build/partition.rs` |
+//! | `HeuristicArrayBinningSAH` | `Bins`, `Plan` | `build/{bins,binning,partition}.rs` |
 //! | presplits (`primrefgen_presplit`) | `presplit::split` | `build/presplit.rs` |
 //! | `BVHNBuilderSAH`, binary | `build::build`, improved by `reinsertion` | `build/mod.rs` |
 //! | `BVHNBuilderSAH`, eight wide | `widen`, `collapse` | `build/` |
-//! | `BVHNRefitter` | [`TriangleBvh::refit`] | `build/refit.rs` |
+//! | `BVHNRefitter` | [`TriangleBvh::refit`] | `triangle_bvh/refit.rs`, `build/refit.rs` |
 //! | `BVH8`, `AABBNode` | [`Bvh`], `Node` | `bvh.rs`, `node.rs` |
 //! | `NodeRef` | `NodeRef` | `node.rs` |
 //! | `Triangle4v` | `Triangle4` | `primitive/triangle4.rs` |
@@ -39,7 +39,7 @@
 //! | stream filtering (no counterpart) | [`RayFilter`] | `traverse/filter.rs` |
 //! | `RTCHit` | [`PrimitiveHit`] | `hit.rs` |
 //! | `rtcOccluded1` | [`TriangleBvh::occluded`] | `triangle_bvh.rs` |
-//! | ISA selection | `simd::dispatch` | `simd/dispatch.rs` |
+//! | ISA selection | [`InstructionSet`], `simd::dispatch` | `instruction_set.rs`, `simd/dispatch.rs` |
 //!
 //! # Layouts
 //! ```text
@@ -115,7 +115,9 @@ mod aabb;
 mod build;
 mod bvh;
 mod hit;
+mod instruction_set;
 pub mod memory;
+mod min_max;
 mod node;
 #[cfg(test)]
 mod nonsense;
@@ -136,13 +138,13 @@ pub use aabb::Aabb;
 pub use build::{BuildError, Quality};
 pub use bvh::{Blocks, Bvh};
 pub use hit::PrimitiveHit;
+pub use instruction_set::{InstructionSet, Kernel};
+pub use min_max::{max, min};
 pub use node::Leaf;
 pub use primitive::primitive4::{Primitive, UserIntersect, UserPrimitive};
 pub use primitive::{sphere, triangle};
 pub use primitive_bvh::PrimitiveBvh;
 pub use ray::{InflatedRay, PreparedRay, Ray};
-pub use simd::{InstructionSet, Kernel};
-pub use slab::{max, min};
 pub use stack_space::{NoThreads, with_stack};
 pub use statistics::Statistics;
 pub use traversal_stats::TraversalStats;

@@ -10,8 +10,8 @@ use std::ops::Range;
 
 use bytemuck::Zeroable;
 
+use crate::instruction_set::compiled_wide;
 use crate::memory::prefetch;
-use crate::simd::compiled_wide;
 use crate::slab::{Boxes, WIDTH};
 use crate::{Aabb, PreparedRay};
 

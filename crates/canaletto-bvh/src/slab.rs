@@ -12,6 +12,7 @@
 
 use glam::Vec3;
 
+use crate::min_max::{max, min};
 use crate::{Aabb, PreparedRay};
 
 /// The number of boxes side by side.
@@ -153,20 +154,6 @@ impl PreparedRay {
         t = max(near * DEFLATE, t);
         (t >= f32::MIN_POSITIVE && t <= t_max && t < f32::INFINITY).then_some(t)
     }
-}
-
-/// The larger number of one of the two float types, in one instruction, unlike `f32::max`, so that loops are
-/// vectorised. If one is NaN, the second is returned.
-#[inline(always)]
-pub fn max<T: PartialOrd>(a: T, b: T) -> T {
-    if a > b { a } else { b }
-}
-
-/// The smaller number of one of the two float types, in one instruction, unlike `f32::min`, so that loops are
-/// vectorised. If one is NaN, the second is returned.
-#[inline(always)]
-pub fn min<T: PartialOrd>(a: T, b: T) -> T {
-    if a < b { a } else { b }
 }
 
 #[cfg(test)]

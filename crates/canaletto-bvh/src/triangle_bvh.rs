@@ -1,6 +1,7 @@
 //! A tree over triangles, four of which are tested side by side.
 
 mod leaves;
+mod refit;
 
 use crate::build::{PrimRefs, STACK, duplicates};
 use crate::memory::in_large_pages;

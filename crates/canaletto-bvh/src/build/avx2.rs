@@ -5,7 +5,7 @@
 
 use std::arch::x86_64::*;
 
-use super::binning::{BinSplit, Bins, Grid, MAX_BINS};
+use super::bins::{BinSplit, Bins, Grid, MAX_BINS};
 use super::prim_ref::{Box8, Centers, PrimRef};
 
 /// The bins of a center along each axis.

@@ -3,91 +3,28 @@
 use glam::{Mat4, Vec4};
 use rayon::prelude::*;
 
+use super::bins::{BinSplit, Bins, Grid, MAX_BINS};
 use super::prim_ref::{Box8, Centers, PrimRef};
 use crate::InstructionSet;
 
-pub(super) const MAX_BINS: usize = 16;
-
-/// The mapping from a center to one of `bins` equal bins along each axis.
-#[derive(Clone, Copy)]
-pub(super) struct Grid {
-    pub(super) origin: [f32; 4],
-    pub(super) scale: [f32; 4],
-    pub(super) bins: usize,
-}
-
-impl Grid {
-    /// Along an axis on which the centers coincide, or nearly coincide so that the scale would overflow, all centers
-    /// fall into the first bin.
-    fn new(centers: &Centers, bins: usize) -> Self {
-        let mut grid = Self { origin: [0.0; 4], scale: [0.0; 4], bins };
-        for axis in 0..3 {
-            let (min, max) = (centers.0.min(axis), centers.0.max(axis));
-            // The scale is slightly reduced, so that rounding never reaches beyond the last bin.
-            let scale = (bins as f32 * (1.0 - 1e-6)) / (max - min);
-            grid.origin[axis] = min;
-            grid.scale[axis] = if scale < f32::INFINITY { scale } else { 0.0 };
-        }
-        grid
+/// Fills the bins, in parallel if there are many references.
+fn fill_all(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
+    if refs.len() > super::CHUNK {
+        let one = |chunk| {
+            let mut own = Bins::EMPTY;
+            fill(&mut own, chunk, grid);
+            own
+        };
+        *all = refs.par_chunks(super::CHUNK).map(one).reduce(
+            || Bins::EMPTY,
+            |mut a, b| {
+                a.join(&b, grid.bins);
+                a
+            },
+        );
+        return;
     }
-
-    /// The bins of a center along x, y and z.
-    #[inline(always)]
-    fn bins(&self, center: [f32; 4]) -> [usize; 3] {
-        // For numbers in [16, 32), the first four bits of the fraction are the integer part minus 16.
-        let mut at = center;
-        for ((at, origin), scale) in at.iter_mut().zip(self.origin).zip(self.scale) {
-            *at = (*at - origin) * scale + 16.0;
-        }
-        let bin = |x: f32| (x.to_bits() >> 19) as usize & (MAX_BINS - 1);
-        [bin(at[0]), bin(at[1]), bin(at[2])]
-    }
-
-    #[inline(always)]
-    pub(super) fn bin(&self, center: [f32; 4], axis: usize) -> usize {
-        let x = (center[axis & 3] - self.origin[axis & 3]) * self.scale[axis & 3] + 16.0;
-        (x.to_bits() >> 19) as usize & (MAX_BINS - 1)
-    }
-}
-
-/// The box around the references in each bin, and their number, along each axis.
-#[derive(Clone)]
-pub(super) struct Bins {
-    pub(super) boxes: [[Box8; MAX_BINS]; 3],
-    pub(super) counts: [[u32; MAX_BINS]; 3],
-}
-
-impl Bins {
-    pub(super) const EMPTY: Self = Self { boxes: [[Box8::EMPTY; MAX_BINS]; 3], counts: [[0; MAX_BINS]; 3] };
-
-    fn fill(&mut self, refs: &[PrimRef], grid: &Grid) {
-        if refs.len() > super::CHUNK {
-            let one = |chunk| {
-                let mut own = Self::EMPTY;
-                fill(&mut own, chunk, grid);
-                own
-            };
-            let all = refs.par_chunks(super::CHUNK).map(one).reduce(
-                || Self::EMPTY,
-                |mut a, b| {
-                    a.join(&b, grid.bins);
-                    a
-                },
-            );
-            *self = all;
-            return;
-        }
-        fill(self, refs, grid);
-    }
-
-    pub(super) fn join(&mut self, other: &Self, bins: usize) {
-        for axis in 0..3 {
-            for bin in 0..bins {
-                self.boxes[axis][bin] = self.boxes[axis][bin].join(&other.boxes[axis][bin]);
-                self.counts[axis][bin] += other.counts[axis][bin];
-            }
-        }
-    }
+    fill(all, refs, grid);
 }
 
 fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
@@ -114,17 +51,6 @@ fn fill(all: &mut Bins, refs: &[PrimRef], grid: &Grid) {
         ny[y] += 1;
         nz[z] += 1;
     }
-}
-
-/// A split: references whose bin along `axis` lies below `bin` go left.
-pub(super) struct BinSplit {
-    pub(super) grid: Grid,
-    pub(super) axis: usize,
-    pub(super) bin: usize,
-    /// The SAH cost: the sum over both sides of area times blocks of primitives.
-    pub(super) cost: f32,
-    /// The boxes of both sides.
-    pub(super) bounds: [Box8; 2],
 }
 
 /// The units of the SAH cost.
@@ -161,7 +87,7 @@ impl BinSplit {
     pub(super) fn best(refs: &[PrimRef], centers: &Centers, cost_model: &CostModel, all: &mut Bins) -> Option<Self> {
         // A few references need only a few bins.
         let grid = Grid::new(centers, (4 + refs.len() / 16).min(MAX_BINS));
-        all.fill(refs, &grid);
+        fill_all(all, refs, &grid);
         cheapest(all, &grid, cost_model)
     }
 }
@@ -201,7 +127,7 @@ impl Side {
     }
 }
 
-crate::simd::compiled_wide! {
+crate::instruction_set::compiled_wide! {
     fn cheapest(all: &Bins, grid: &Grid, cost_model: &CostModel) -> Option<BinSplit> {
         let mut right_costs = [Vec4::ZERO; MAX_BINS];
         let mut right = Side::NOTHING;

@@ -3,8 +3,8 @@
 //!
 //! 1. `prim_ref`: primitive references, which the builder sorts. `presplit` cuts large triangles into several
 //!    references.
-//! 2. `binning`: fills bins and finds the split of least SAH cost. `partition` moves references to their side of the
-//!    split. `avx2` holds the inner loops of both.
+//! 2. `bins`: bins of references. `binning`: fills them and finds the split of least SAH cost. `partition` moves
+//!    references to their side of the split. `avx2` holds the inner loops of both.
 //! 3. `duplicates`: leaves out triangles with equal corners.
 //! 4. `reinsertion`: improves the binary tree for [`Quality::High`].
 //! 5. `widen` and `collapse`: find and make the eight-wide nodes of least cost.
@@ -16,6 +16,7 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod binning;
+mod bins;
 pub(crate) mod collapse;
 #[cfg(test)]
 mod degenerate_inputs;
@@ -35,7 +36,8 @@ use glam::Vec3;
 use crate::memory::{collected, in_large_pages, zeros};
 use crate::node::{MAX_DEPTH, MAX_LEAF, MAX_PRIMITIVES};
 use crate::{Aabb, NoThreads};
-use binning::{BinSplit, Bins, CostModel};
+use binning::CostModel;
+use bins::{BinSplit, Bins};
 pub(crate) use prim_ref::PrimRefs;
 use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};
 use widen::{Costs, LaneSplit};

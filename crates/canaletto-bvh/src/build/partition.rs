@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::CHUNK;
-use super::binning::BinSplit;
+use super::bins::BinSplit;
 use super::prim_ref::{Centers, PrimRef};
 use crate::InstructionSet;
 

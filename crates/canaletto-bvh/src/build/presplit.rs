@@ -9,8 +9,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::PrimRefs;
-use super::prim_ref::{Extent, PrimRef};
+use super::BuildError;
+use super::prim_ref::{Extent, PrimRef, PrimRefs};
 use crate::Aabb;
 use crate::node::MAX_PRIMITIVES;
 
@@ -34,6 +34,19 @@ impl SplitBudget {
     /// The largest number of additional references for `count` triangles.
     pub(super) fn room(&self, count: usize) -> usize {
         ((self.max_extra * count as f64) as usize).min(MAX_PRIMITIVES.saturating_sub(count))
+    }
+}
+
+impl<'a> PrimRefs<'a> {
+    /// The references of `count` triangles. Triangles that fill little of their boxes get several.
+    pub(crate) fn of_triangles(
+        count: usize,
+        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+    ) -> Result<Self, BuildError> {
+        let budget = SplitBudget::DEFAULT;
+        let mut refs = Self::of_triangles_with_room(count, budget.room(count), corners)?;
+        split(&mut refs, corners, budget);
+        Ok(refs)
     }
 }
 

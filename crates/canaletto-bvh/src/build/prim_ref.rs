@@ -3,11 +3,11 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{BuildError, presplit};
+use super::BuildError;
 use crate::Aabb;
 use crate::memory::collected;
+use crate::min_max::max;
 use crate::node::MAX_PRIMITIVES;
-use crate::slab::max;
 use glam::Vec3;
 
 /// A box as one vector. The lower corner is negated, so that both corners are joined by maxima. The fourth lane of
@@ -160,7 +160,7 @@ impl Extent {
     }
 }
 
-crate::simd::compiled_wide! {
+crate::instruction_set::compiled_wide! {
     fn of_few(refs: &[PrimRef]) -> Extent {
         let mut extent = Extent::EMPTY;
         for prim in refs {
@@ -209,17 +209,6 @@ impl<'a> PrimRefs<'a> {
         }
     }
 
-    /// The references of `count` triangles. Triangles that fill little of their boxes get several.
-    pub(crate) fn of_triangles(
-        count: usize,
-        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
-    ) -> Result<Self, BuildError> {
-        let budget = presplit::SplitBudget::DEFAULT;
-        let mut refs = Self::of_triangles_with_room(count, budget.room(count), corners)?;
-        presplit::split(&mut refs, corners, budget);
-        Ok(refs)
-    }
-
     /// The references of `count` triangles, one for each.
     pub(crate) fn of_whole_triangles(
         count: usize,
@@ -228,7 +217,7 @@ impl<'a> PrimRefs<'a> {
         Self::of_triangles_with_room(count, 0, corners)
     }
 
-    fn of_triangles_with_room(
+    pub(super) fn of_triangles_with_room(
         count: usize,
         room: usize,
         corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),

@@ -79,7 +79,7 @@ pub(super) fn depth(binary: &[BinaryNode]) -> u32 {
     deepest
 }
 
-crate::simd::compiled_wide! {
+crate::instruction_set::compiled_wide! {
     /// The costs of a node whose own cost is `own`, and the distributions that give them. Costs that are not finite
     /// give some valid distribution.
     pub(super) fn join(own: f32, left: &Costs, right: &Costs) -> (Costs, LaneSplit) {

@@ -5,8 +5,8 @@ use std::ops::{Add, Mul};
 use glam::{Vec3, Vec4};
 
 use super::triangle::{DEGENERATE, UNDERFLOW};
+use crate::min_max::max;
 use crate::simd::{Instructions, Vector};
-use crate::slab::max;
 use crate::{Aabb, PreparedRay};
 
 /// A bound on the rounding error of the edge functions of a ray and the triangles of a tree.

@@ -10,8 +10,9 @@ use super::triangle::DEGENERATE;
 use super::triangle4::Triangle4;
 use crate::PreparedRay;
 use crate::PrimitiveHit;
+use crate::min_max::min;
 use crate::simd::F64x4;
-use crate::slab::{DEFLATE, INFLATE, min};
+use crate::slab::{DEFLATE, INFLATE};
 
 /// `difference_of_products::difference_of_products` without its `careful` branch. The second result is above 0 where
 /// that branch isn't needed.

@@ -8,8 +8,7 @@
 //!    (`Search`).
 //! 4. `exact4`: the exact test of a block's four triangles side by side.
 //! 5. `primitive4`: a block of four spheres, cylinders or user primitives.
-//! 6. `sphere` and `cylinder4`: the f32 culling of four shapes, and the exact test of one sphere. `sphere8`: the exact
-//!    test of eight rays and spheres.
+//! 6. `sphere` and `cylinder4`: the f32 culling of four shapes, and the exact tests of spheres.
 
 pub(crate) mod cull;
 pub(crate) mod cylinder4;
@@ -18,6 +17,5 @@ pub(crate) mod edge_error;
 mod exact4;
 pub(crate) mod primitive4;
 pub mod sphere;
-pub(crate) mod sphere8;
 pub mod triangle;
 pub(crate) mod triangle4;

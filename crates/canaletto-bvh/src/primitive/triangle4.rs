@@ -12,9 +12,10 @@ use glam::{Vec3, Vec4};
 
 use super::triangle::{Triangle, TriangleHit, intersect_exactly};
 use crate::PrimitiveHit;
+use crate::min_max::min;
 use crate::node::Node;
 use crate::ray::Axis;
-use crate::slab::{DEFLATE, INFLATE, min};
+use crate::slab::{DEFLATE, INFLATE};
 use crate::{Aabb, PreparedRay, Ray};
 
 use super::edge_error::EdgeError;

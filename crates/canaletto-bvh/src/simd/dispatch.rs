@@ -7,40 +7,11 @@ use super::{Avx2, Avx512};
 use super::{Baseline, Instructions, IrregularNodeTest, NodeTest};
 use crate::InstructionSet;
 
-/// A kernel of plain loops, which the compiler vectorises for each instruction set. All sets give equal bits, since + −
-/// × ÷ and sqrt are never fused.
-pub trait Kernel {
-    /// The result.
-    type Answer;
-    /// Runs the kernel. It has to be `#[inline(always)]`, as must all functions that it calls. Otherwise it is compiled
-    /// for the baseline.
-    fn run(self) -> Self::Answer;
-}
-
-impl InstructionSet {
-    /// Runs a kernel with the instructions in use.
-    #[inline]
-    pub fn run<K: Kernel>(kernel: K) -> K::Answer {
-        run(LoopKernel(kernel))
-    }
-}
-
-struct LoopKernel<K>(K);
-
-impl<K: Kernel> SimdKernel for LoopKernel<K> {
-    type Answer = K::Answer;
-
-    #[inline(always)]
-    fn run<S: Instructions>(self, _: S) -> K::Answer {
-        self.0.run()
-    }
-}
-
 /// A kernel written with explicit vectors of [`Instructions`].
 pub(crate) trait SimdKernel {
     /// The result.
     type Answer;
-    /// Runs the kernel, as [`Kernel::run`].
+    /// Runs the kernel, as [`Kernel::run`](crate::Kernel::run).
     fn run<S: Instructions>(self, s: S) -> Self::Answer;
 }
 
@@ -104,28 +75,3 @@ impl<T: Traversal> SimdKernel for TraversalKernel<T> {
         unsafe { self.0.run::<S>() }
     }
 }
-
-/// Defines a function that is also compiled for AVX2. That version runs where the machine has AVX2.
-macro_rules! compiled_wide {
-    ($(#[$about:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) -> $result:ty $body:block) => {
-        $(#[$about])*
-        $vis fn $name($($arg: $type),*) -> $result {
-            #[inline(always)]
-            fn code($($arg: $type),*) -> $result $body
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2,bmi1,bmi2")]
-                fn wide($($arg: $type),*) -> $result {
-                    code($($arg),*)
-                }
-                if crate::InstructionSet::current() >= crate::InstructionSet::Avx2 {
-                    #[allow(unsafe_code)]
-                    // SAFETY: `current` never returns more than the machine has.
-                    return unsafe { wide($($arg),*) };
-                }
-            }
-            code($($arg),*)
-        }
-    };
-}
-pub(crate) use compiled_wide;

@@ -1,10 +1,9 @@
-//! SIMD: the choice of instructions, vectors, and the node test. Read the files in this order:
+//! SIMD: explicit vectors and the node test. Read the files in this order:
 //!
-//! 1. `instruction_set`: the instruction sets, and which of them the machine has.
-//! 2. `dispatch`: the one place that chooses instructions at run time, for loops ([`Kernel`]), for explicit vectors
-//!    (`SimdKernel`) and for traversals (`Traversal`).
-//! 3. `node_test/`: the test of a ray against the eight boxes of a node, once per instruction set.
-//! 4. `vector/`: vectors of 4, 8 or 16 f32 for packets. `f64x4`: vectors of four f64 for the exact test.
+//! 1. `dispatch`: the place that chooses instructions at run time, for explicit vectors (`SimdKernel`) and for
+//!    traversals (`Traversal`). Plain loops are chosen in `instruction_set`.
+//! 2. `node_test/`: the test of a ray against the eight boxes of a node, once per instruction set.
+//! 3. `vector/`: vectors of 4, 8 or 16 f32 for packets. `f64x4`: vectors of four f64 for the exact test.
 //!
 //! All instruction sets give equal results, bit for bit.
 #![allow(unsafe_code)] // Intrinsics.
@@ -27,14 +26,10 @@ macro_rules! operators {
 
 pub(crate) mod dispatch;
 mod f64x4;
-mod instruction_set;
 mod node_test;
 mod vector;
 
-pub use dispatch::Kernel;
-pub(crate) use dispatch::compiled_wide;
 pub(crate) use f64x4::F64x4;
-pub use instruction_set::InstructionSet;
 pub(crate) use node_test::{IrregularNodeTest, NodeTest, TraversalRay};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use vector::{Avx2, Avx512};

@@ -58,7 +58,7 @@ impl UnitRays {
                 least = least.max(S::Vector::select(takes_part, zero - unit, nothing));
                 most = most.max(S::Vector::select(takes_part, unit, nothing));
             }
-            widest = crate::slab::max(widest, most.largest() + least.largest());
+            widest = crate::min_max::max(widest, most.largest() + least.largest());
         }
         widest
     }

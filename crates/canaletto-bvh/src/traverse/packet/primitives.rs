@@ -7,7 +7,7 @@ use super::{Packet, PacketOutcome, in_packets, lanes};
 use crate::node::{Node, PrefetchTable};
 use crate::primitive::cull::LANES;
 use crate::primitive::primitive4::{Primitive4, UserIntersect};
-use crate::primitive::sphere8::{self, Sphere8};
+use crate::primitive::sphere::{self, Sphere8};
 use crate::simd::dispatch::{self, SimdKernel};
 use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, PrimitiveHit, Ray};
@@ -113,7 +113,7 @@ fn test_alone<A: UserIntersect>(
 /// primitives stay pending.
 #[inline(always)]
 fn resolve_spheres<A>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
-    const HALF: usize = sphere8::LANES;
+    const HALF: usize = sphere::LANES;
     let (waiting, mut failed) = (group.waiting(), 0);
     for first in (0..ROW).step_by(HALF) {
         let mut side = Sphere8::NOTHING;

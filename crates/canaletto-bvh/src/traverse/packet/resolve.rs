@@ -8,10 +8,11 @@
 use super::group::{Corners, RayGroup};
 use super::triangle_test::TestParams;
 use crate::PrimitiveHit;
+use crate::min_max::{max, min};
 use crate::primitive::difference_of_products::CANCELLED;
 use crate::simd::dispatch::{self, SimdKernel};
 use crate::simd::{Instructions, ROW, Row, Vector};
-use crate::slab::{DEFLATE, INFLATE, max, min};
+use crate::slab::{DEFLATE, INFLATE};
 use glam::{Mat4, UVec4, Vec4};
 
 /// Tests the pending triangles of all rays. Returns the rays that have to be tested alone, one bit for each.

@@ -5,8 +5,9 @@
 
 use glam::Vec3;
 
-use super::sphere::{add_outwards, intersect_once};
-use crate::slab::{DEFLATE, INFLATE, max, min};
+use super::single::{add_outwards, intersect_once};
+use crate::min_max::{max, min};
+use crate::slab::{DEFLATE, INFLATE};
 use crate::{InstructionSet, Kernel, Ray};
 
 /// The number of lanes: what the widest registers hold of `f64`.

@@ -1,4 +1,5 @@
-//! The instruction sets that kernels are compiled for.
+//! The instruction sets that kernels are compiled for, and kernels of plain loops.
+#![allow(unsafe_code)] // Functions for instructions that only some machines have.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -80,3 +81,66 @@ impl InstructionSet {
         CHOSEN.store(self.min(InstructionSet::best()) as u8, Ordering::Relaxed);
     }
 }
+
+/// A kernel of plain loops, which the compiler vectorises for each instruction set. All sets give equal bits, since + −
+/// × ÷ and sqrt are never fused.
+pub trait Kernel {
+    /// The result.
+    type Answer;
+    /// Runs the kernel. It has to be `#[inline(always)]`, as must all functions that it calls. Otherwise it is compiled
+    /// for the baseline.
+    fn run(self) -> Self::Answer;
+}
+
+impl InstructionSet {
+    /// Runs a kernel with the instructions in use.
+    #[inline]
+    pub fn run<K: Kernel>(kernel: K) -> K::Answer {
+        #[cfg(target_arch = "x86_64")]
+        match InstructionSet::current() {
+            // SAFETY: `current` never returns more than the machine has.
+            InstructionSet::Avx512 => return unsafe { avx512(kernel) },
+            // SAFETY: as above.
+            InstructionSet::Avx2 => return unsafe { avx2(kernel) },
+            InstructionSet::Baseline => {}
+        }
+        kernel.run()
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2<K: Kernel>(kernel: K) -> K::Answer {
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512<K: Kernel>(kernel: K) -> K::Answer {
+    kernel.run()
+}
+
+/// Defines a function that is also compiled for AVX2. That version runs where the machine has AVX2.
+macro_rules! compiled_wide {
+    ($(#[$about:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) -> $result:ty $body:block) => {
+        $(#[$about])*
+        $vis fn $name($($arg: $type),*) -> $result {
+            #[inline(always)]
+            fn code($($arg: $type),*) -> $result $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2,bmi1,bmi2")]
+                fn wide($($arg: $type),*) -> $result {
+                    code($($arg),*)
+                }
+                if crate::InstructionSet::current() >= crate::InstructionSet::Avx2 {
+                    #[allow(unsafe_code)]
+                    // SAFETY: `current` never returns more than the machine has.
+                    return unsafe { wide($($arg),*) };
+                }
+            }
+            code($($arg),*)
+        }
+    };
+}
+pub(crate) use compiled_wide;

@@ -4,9 +4,9 @@
 
 use glam::{Vec3, Vec4};
 
-use super::cull::{Candidates, RELATIVE, Rows, UnitRay};
-pub use super::sphere8::intersect_many;
-use crate::slab::{DEFLATE, INFLATE, min};
+use crate::min_max::min;
+use crate::primitive::cull::{Candidates, RELATIVE, Rows, UnitRay};
+use crate::slab::{DEFLATE, INFLATE};
 use crate::{Aabb, PreparedRay, Ray};
 
 /// The box around the sphere, rounded outwards so that it contains all of it.
