@@ -1,6 +1,7 @@
 //! Effects of textures on surfaces: cutouts let light through, bumps don't.
 
 use canaletto::Ray;
+use canaletto::film::srgb_encode;
 use canaletto::integrator::Whitted;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Mapping, Material, Phong, Projection, Repeat, Space, Target, TextureUse};
@@ -8,7 +9,7 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Node, Scene, WhittedSettings};
 use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
 use canaletto::texture::{
-    ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind,
+    ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind, srgb_decode,
 };
 use canaletto::world::{OccluderCache, World};
 use canaletto_tests::textured::textured_still_life;
@@ -253,4 +254,16 @@ fn what_cant_be_displaced_is_told() {
         error(ridge(Target::Displace { detail: 2.0 }, [0.0, 1.0]), board()),
         "material \"ridge\": texture for displace: detail is 2; it must be between 16 and 65536"
     );
+}
+
+/// The film encodes colours by the curve that textures are decoded by.
+#[test]
+fn the_srgb_curve_has_published_values_in_both_directions() {
+    for (linear, encoded) in [(0.0, 0.0), (0.18, 0.461_356), (0.5, 0.735_357), (1.0, 1.0)] {
+        assert!((srgb_encode(linear) - encoded).abs() < 1e-5 && (srgb_decode(encoded) - linear).abs() < 1e-5);
+    }
+    for byte in 0..=255u8 {
+        let v = f32::from(byte) / 255.0;
+        assert!((srgb_encode(srgb_decode(v)) - v).abs() < 1e-6);
+    }
 }

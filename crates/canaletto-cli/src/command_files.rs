@@ -3,7 +3,6 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::inputs::FileKey;
-use crate::output::{folder_of, replaced};
 use crate::source::Reader;
 use clap::Args;
 use std::collections::{HashMap, HashSet};
@@ -118,6 +117,20 @@ impl CommandFiles {
 fn named(flag: &'static str, files: impl IntoIterator<Item = PathBuf>) -> impl Iterator<Item = NamedFile> {
     let files = files.into_iter().filter(|path| path != Path::new("-"));
     files.map(move |path| NamedFile { flag, path })
+}
+
+/// The folder of a file.
+pub(crate) fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// The error that an output would replace one of its inputs.
+fn replaced(flag: &str, file: &Path) -> Failure {
+    let file = file.display();
+    Failure::usage(format!("{flag} {file} would replace a file that is read for it")).help("choose another name")
 }
 
 /// The failure of two outputs of one name.

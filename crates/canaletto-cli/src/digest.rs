@@ -1,9 +1,25 @@
 //! A digest of all that a picture depends on: the program, the scene's files, settings, layers and the file's format.
 //! Frames of an animation carry it. A frame with another digest shows something else.
 
-use crate::source::UsedFile;
 use canaletto::WordHash;
+use serde::Serialize;
 use std::fmt::{self, Debug, Write};
+use std::path::PathBuf;
+
+/// An input file of a scene.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct UsedFile {
+    /// The name for messages.
+    pub file: String,
+    /// The path relative to the scene's folder.
+    #[serde(skip)]
+    pub place: PathBuf,
+    /// The size in bytes.
+    pub bytes: u64,
+    /// A hash of the content.
+    #[serde(skip)]
+    pub hash: u64,
+}
 
 /// A hash of several parts in their order. It detects edited scenes; it gives no protection against forgery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

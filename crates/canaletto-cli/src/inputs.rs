@@ -1,6 +1,6 @@
 //! The input files of a scene at any frame, which no output may replace.
 
-use canaletto_io::assets::FileId;
+use canaletto_io::file_id::FileId;
 use canaletto_io::movie::MovieFormat;
 use canaletto_io::picture::PictureFormat;
 use std::collections::HashMap;

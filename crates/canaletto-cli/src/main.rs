@@ -14,7 +14,6 @@ mod exit;
 mod failure;
 mod flags;
 mod format;
-mod frame_writer;
 mod frames;
 mod inputs;
 mod instructions;
@@ -37,7 +36,6 @@ mod preview;
 mod progress;
 mod report;
 mod sampling_progress;
-mod series;
 mod settings;
 mod shooting_steps;
 mod solutions;
@@ -123,7 +121,7 @@ fn main() -> ExitCode {
             // The output is the help, the version, or the error of a wrong command line.
             let printed = e.print().and_then(|()| std::io::stdout().flush());
             if !e.use_stderr()
-                && let Err(failure) = stdout::check_open().and(printed.map_err(|e| Failure::stdout(&e)))
+                && let Err(failure) = output::check_stdout().and(printed.map_err(|e| Failure::stdout(&e)))
             {
                 failure.print(false);
                 return failure.exit().into();

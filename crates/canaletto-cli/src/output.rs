@@ -1,20 +1,21 @@
 //! Output of pictures: names, formats and files.
 
-use crate::command_files::FolderFlag;
+use crate::command_files::{FolderFlag, folder_of};
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::output_format::Format;
 use crate::partial::{free_partial_path, remove_part};
-use crate::stdout::check_open;
 use canaletto::render::Job;
 use canaletto::scene::Transfer;
+use canaletto::texture::srgb_decode;
 use canaletto_io::diagnostic::word_list;
 use canaletto_io::movie::{MovieError, MovieFormat, find_ffmpeg};
 use canaletto_io::picture::{
-    AtomicFile, Compression, EncodeSettings, Image, PartError, PictureError, PictureFormat, WriteError, WriteOptions,
-    decode_srgb, sweep, write_atomically,
+    AtomicFile, Compression, EncodeSettings, Image, PartError, PictureError, PictureFormat, Window, WriteError,
+    WriteOptions, sweep, write_atomically,
 };
+use canaletto_stdio::stdout_was_closed;
 use clap::{Args, ValueEnum};
 use std::ffi::OsStr;
 use std::fs::File;
@@ -233,7 +234,7 @@ impl Output {
     /// Detects before rendering what would make writing fail after it.
     pub(crate) fn check(&self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
         if self.is_stdout() {
-            check_open()?;
+            check_stdout()?;
             if std::io::stdout().is_terminal() {
                 return Err(Failure::usage("--output - would write the picture's bytes to the terminal")
                     .help("send it somewhere: canaletto render ... -o - | display, or > picture.png"));
@@ -276,7 +277,7 @@ impl Output {
     ) -> Result<(), Failure> {
         let is_linear = format.capabilities().is_some_and(|can| can.linear);
         let (image, transfer) =
-            if is_linear { (image.map_color(decode_srgb), Transfer::None) } else { (image, Transfer::Srgb) };
+            if is_linear { (image.map_color(srgb_decode), Transfer::None) } else { (image, Transfer::Srgb) };
         let EncodeSettings { bits, compression, .. } = self.settings;
         let settings = EncodeSettings { bits, compression, ..EncodeSettings::default() };
         let bytes = format.encode_image(&image, transfer, &settings, texts);
@@ -321,7 +322,7 @@ pub(crate) fn check_files(
     no_clobber: bool,
 ) -> Result<(), Failure> {
     if pattern == Path::new("-") {
-        return check_open();
+        return check_stdout();
     }
     for file in files {
         match file.metadata() {
@@ -352,7 +353,7 @@ pub(crate) fn write_with(
     write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
 ) -> Result<(), Failure> {
     if path == Path::new("-") {
-        check_open()?;
+        check_stdout()?;
     }
     write_atomically(path, options, write).map_err(wrong)
 }
@@ -375,6 +376,11 @@ fn begin_file(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<Atomic
     Ok(file)
 }
 
+/// Checks that there is a standard output. If the caller has closed it (`>&-`), results would be lost silently.
+pub(crate) fn check_stdout() -> Result<(), Failure> {
+    if stdout_was_closed() { Err(Failure::new(Exit::Failed, "the standard output is closed")) } else { Ok(()) }
+}
+
 /// Writes to the standard output.
 pub(crate) fn write_stdout(bytes: &[u8]) -> Result<(), Failure> {
     write(Path::new("-"), WriteOptions::default(), bytes)
@@ -393,17 +399,10 @@ fn write(path: &Path, options: WriteOptions, bytes: &[u8]) -> Result<(), Failure
     write_with(path, options, |out| out.write_all(bytes))
 }
 
-pub(crate) fn folder_of(file: &Path) -> &Path {
-    match file.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    }
-}
-
-/// The error that an output would replace one of its inputs.
-pub(crate) fn replaced(flag: &str, file: &Path) -> Failure {
-    let file = file.display();
-    Failure::usage(format!("{flag} {file} would replace a file that is read for it")).help("choose another name")
+/// The rendered part's place in the camera's picture.
+pub(crate) fn window(job: &Job) -> Window {
+    let [x, y, ..] = job.window();
+    Window { at: [x as i32, y as i32], whole: job.camera.size() }
 }
 
 /// The error that a format can't hold the picture.

@@ -1,7 +1,7 @@
 //! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
 //! that are gone on with.
 
-use crate::digest::Digest;
+use crate::digest::{Digest, UsedFile};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::format::{count, duration, plural};
@@ -11,7 +11,6 @@ use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::settings::ALPHA;
-use crate::source::UsedFile;
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{Integrator, SamplerKind, Sampling};

@@ -11,8 +11,8 @@ use canaletto::render::{Job, JobError};
 use canaletto::scene::{
     Exposure, FilmSettings, Filter, Integrator, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View,
 };
+use canaletto_io::diagnostic::closest_word;
 use canaletto_io::picture::MAX_PIXELS;
-use canaletto_io::text::closest_word;
 
 /// The text entry of a picture without a background.
 pub(crate) const ALPHA: &str = "alpha";

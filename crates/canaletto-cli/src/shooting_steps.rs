@@ -2,10 +2,9 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
-use crate::frame_writer::window;
 use crate::inputs::FileKey;
 use crate::interrupt;
-use crate::output::{Output, OutputFlags, numbered, unfit};
+use crate::output::{Output, OutputFlags, numbered, unfit, window};
 use crate::output_format::Format;
 use crate::progress::{Style, emit};
 use crate::solutions::check_radiosity;

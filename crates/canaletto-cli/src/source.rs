@@ -1,6 +1,6 @@
 //! Reading of scenes and models, and building of their worlds.
 
-use crate::digest::hash_of;
+use crate::digest::{UsedFile, hash_of};
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
@@ -10,11 +10,11 @@ use canaletto::scene::{Integrator, Scene};
 use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto::{Named, WordHash, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
-use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
+use canaletto_io::diagnostic::{Diagnostic, Diagnostics, closest_word};
 use canaletto_io::import;
-use canaletto_io::source::{self, OpenError, SceneSource, Timeline};
-use canaletto_io::text::{MAX_TEXT, SceneDocument, closest_word};
-use serde::Serialize;
+use canaletto_io::scene_file::{self, OpenError};
+use canaletto_io::source::{SceneSource, Timeline};
+use canaletto_io::text::{MAX_TEXT, SceneDocument};
 use std::io::{self, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -34,21 +34,6 @@ pub(crate) struct Source {
     pub files: Vec<UsedFile>,
     /// The duration of reading.
     pub time: Duration,
-}
-
-/// An input file of a scene.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct UsedFile {
-    /// The name for messages.
-    pub file: String,
-    /// The path relative to the scene's folder.
-    #[serde(skip)]
-    pub place: PathBuf,
-    /// The size in bytes.
-    pub bytes: u64,
-    /// A hash of the content.
-    #[serde(skip)]
-    pub hash: u64,
 }
 
 impl Source {
@@ -117,7 +102,7 @@ impl Reader {
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
         let assets = RecordingAssets::new(assets.allow_outside(allow_outside), log);
-        let source = source::open(&file, &assets, set).map_err(|error| match error {
+        let source = scene_file::open(&file, &assets, set).map_err(|error| match error {
             OpenError::Mistakes(mistakes) => mistakes.into(),
             OpenError::UnknownFormat => {
                 Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))

@@ -3,7 +3,6 @@
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::output::write_stdout;
-use canaletto_stdio::stdout_was_closed;
 use serde::Serialize;
 
 /// Prints results.
@@ -16,9 +15,4 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(value)
         .map_err(|e| Failure::new(Exit::Failed, format!("the answer can't be written as JSON: {e}")))?;
     print(&(json + "\n"))
-}
-
-/// Checks that there is a standard output. If the caller has closed it (`>&-`), results would be lost silently.
-pub(crate) fn check_open() -> Result<(), Failure> {
-    if stdout_was_closed() { Err(Failure::new(Exit::Failed, "the standard output is closed")) } else { Ok(()) }
 }

@@ -1,6 +1,8 @@
 //! Pictures without a background: their alpha in PNG, EXR and animated PNG, against composites with the background.
 
-use canaletto_io::picture::{Decoded, decode, decode_srgb, encode_srgb};
+use canaletto::film::srgb_encode;
+use canaletto::texture::srgb_decode;
+use canaletto_io::picture::{Decoded, decode};
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
@@ -203,12 +205,12 @@ fn a_png_has_straight_alpha() {
     for (bits, most) in [(8, 255.0), (16, 65535.0f32)] {
         let shown = folder.render(&format!("{flags} --bits {bits}"), "a.png");
         for (i, (shown, [r, g, b, a])) in rgba(&shown).into_iter().zip(&linear).enumerate() {
-            let expected = [r, g, b].map(|v| if *a > 0.0 { encode_srgb((v / a).clamp(0.0, 1.0)) } else { 0.0 });
+            let expected = [r, g, b].map(|v| if *a > 0.0 { srgb_encode((v / a).clamp(0.0, 1.0)) } else { 0.0 });
             for (own, expected) in shown.into_iter().zip(expected.into_iter().chain([*a])) {
                 assert!((own * most - expected * most).abs() <= 0.502, "{bits} {i}: {shown:?} for {expected}");
             }
             for (own, light) in shown.into_iter().zip([r, g, b]).take(3) {
-                let error = (decode_srgb(own) * shown[3] - light.min(*a)).abs();
+                let error = (srgb_decode(own) * shown[3] - light.min(*a)).abs();
                 assert!(error <= 1.7 / most, "{bits} {i}: {error}");
             }
         }

@@ -8,11 +8,13 @@ pub mod assets;
 pub mod content;
 pub mod diagnostic;
 pub mod export;
+pub mod file_id;
 mod guard;
 pub mod image;
 pub mod import;
 pub mod movie;
 pub mod picture;
+pub mod scene_file;
 pub mod source;
 #[cfg(test)]
 mod testing;

@@ -1,9 +1,7 @@
-//! What a scene comes from: a scene text or a model, at any frame.
+//! What a scene comes from, at any frame.
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
-use crate::import::{Model, ModelFormat};
-use crate::text::{DEFAULT_FPS, SceneDocument};
 use canaletto::scene::Scene;
 
 /// A source of scenes, one for every frame. What doesn't move has the same scene at each of them.
@@ -58,6 +56,9 @@ impl Timeline {
     /// The range of [`Timeline::fps`].
     pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
+    /// The default frame rate in frames per second.
+    pub(crate) const DEFAULT_FPS: f64 = 25.0;
+
     /// The time of a frame in the units of keys.
     pub(crate) fn time(&self, frame: f64) -> f64 {
         if self.seconds { frame / self.fps } else { frame }
@@ -71,38 +72,6 @@ impl Timeline {
 
 impl Default for Timeline {
     fn default() -> Timeline {
-        Timeline { fps: DEFAULT_FPS, frames: None, seconds: false, moves: false }
-    }
-}
-
-/// The reasons why a source can't be opened.
-#[derive(Debug)]
-pub enum OpenError {
-    /// The extension is that of neither a scene text nor a model.
-    UnknownFormat,
-    /// The text can't be parsed.
-    Mistakes(Diagnostics),
-}
-
-/// The extension of scene texts.
-const TEXT_EXTENSION: &str = "kdl";
-
-/// Opens a scene text or a model, by the extension of the file's name. `set` holds overrides, as
-/// [`crate::text::read_scene_with`] takes them.
-///
-/// # Errors
-/// [`OpenError`]. Mistakes that leave a part of the text are returned by [`SceneSource::scene`], as are those of
-/// models.
-pub fn open(file: &str, assets: &dyn Assets, set: &[String]) -> Result<Box<dyn SceneSource>, OpenError> {
-    let extension = AssetPath::new(file, file, file).extension();
-    if extension == TEXT_EXTENSION {
-        return match SceneDocument::read(file, assets, set) {
-            Ok(document) => Ok(Box::new(document)),
-            Err(mistakes) => Err(OpenError::Mistakes(mistakes)),
-        };
-    }
-    match ModelFormat::of_extension(&extension) {
-        None => Err(OpenError::UnknownFormat),
-        Some(_) => Ok(Box::new(Model::new(file, set))),
+        Timeline { fps: Timeline::DEFAULT_FPS, frames: None, seconds: false, moves: false }
     }
 }

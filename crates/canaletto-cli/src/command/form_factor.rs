@@ -17,7 +17,7 @@ use canaletto::form_factor::{
 };
 use canaletto::scene::{Content, Node, ObjectIds, Scene};
 use canaletto::world::{ObjectSurface, World};
-use canaletto_io::text::closest_word;
+use canaletto_io::diagnostic::closest_word;
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -2,10 +2,10 @@
 
 #[cfg(unix)]
 use super::beneath::{Refusal, Root};
-use super::{
-    Asset, AssetError, AssetPath, Assets, FileId, OpenAsset, check_name, is_foreign_absolute, lexical, reason,
-};
+use super::{Asset, AssetError, AssetPath, Assets, OpenAsset, check_name, is_foreign_absolute, lexical, reason};
 use crate::content::Content;
+use crate::diagnostic::closest_word;
+use crate::file_id::FileId;
 #[cfg(unix)]
 use rustix::io::Errno;
 use std::borrow::Cow;
@@ -232,7 +232,7 @@ fn nearest_of(names: &[String], path: &str) -> Option<String> {
     let (prefix, name) = path.rfind('/').map_or(("", path), |slash| path.split_at(slash + 1));
     // A dangling link is listed, but is no suggestion.
     let others = names.iter().map(String::as_str).filter(|other| *other != name);
-    crate::text::closest_word(name, others).map(|name| format!("{prefix}{name}"))
+    closest_word(name, others).map(|name| format!("{prefix}{name}"))
 }
 
 fn kind_of(metadata: &Metadata) -> &'static str {

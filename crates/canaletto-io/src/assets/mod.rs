@@ -6,12 +6,11 @@
 #[cfg(unix)]
 mod beneath;
 mod folder;
-mod identity;
 
 pub use folder::FolderAssets;
-pub use identity::FileId;
 
 use crate::content::Content;
+use crate::diagnostic::closest_word;
 use std::collections::HashMap;
 use std::fmt;
 use std::path::{Component, Path, PathBuf};
@@ -193,7 +192,7 @@ impl Assets for MemoryAssets {
         let location = lexical(&folder.join(path)).ok_or_else(outside)?;
         let name = location.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/");
         let Some(bytes) = self.files.get(&name) else {
-            let nearest = crate::text::closest_word(path, self.files.keys().map(String::as_str)).map(str::to_owned);
+            let nearest = closest_word(path, self.files.keys().map(String::as_str)).map(str::to_owned);
             return Err(AssetError::Missing { path: path.into(), nearest });
         };
         let path = AssetPath { location: name.clone().into(), identity: name.clone().into(), shown: name };

@@ -1,7 +1,7 @@
 //! Colour maps: colours for the numbers of a table's column.
 
-use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
+use canaletto::texture::srgb_decode;
 use canaletto::{Named, named};
 use std::sync::LazyLock;
 
@@ -64,7 +64,7 @@ impl Colormap {
         let mix = place - low as f64;
         let channel = |i: usize| {
             let [a, b] = [map[low][i], map[low + 1][i]].map(f64::from);
-            decode_srgb(((a + (b - a) * mix) / 255.0) as f32)
+            srgb_decode(((a + (b - a) * mix) / 255.0) as f32)
         };
         Rgb::from([0, 1, 2].map(channel))
     }

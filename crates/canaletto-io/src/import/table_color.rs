@@ -6,9 +6,8 @@
 
 use super::color::{ROUNDED, Scale};
 use super::lines::ImportError;
-use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
-use canaletto::texture::ColorSpace;
+use canaletto::texture::{ColorSpace, srgb_decode};
 use rayon::prelude::*;
 
 /// The type of the colours in a file.
@@ -114,7 +113,7 @@ pub(super) fn normalise(colors: &mut [Rgb], written: Written, space: Option<Colo
     }
     let channel = |v: f32| match white {
         Some(white) if space == Some(ColorSpace::Linear) => v.max(0.0) / white,
-        Some(white) => decode_srgb(v.max(0.0) / white),
+        Some(white) => srgb_decode(v.max(0.0) / white),
         None => v.max(0.0),
     };
     if white.is_some() || negative + missing > 0 {

@@ -7,7 +7,7 @@
 use super::Image;
 use super::compare::{Unequal, colors};
 use super::convolve::{Kernel, convolve, offsets};
-use super::transfer::decode_srgb;
+use canaletto::texture::srgb_decode;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -76,7 +76,7 @@ struct FeatureImage {
 
 impl FeatureImage {
     fn new(colors: [&[f32]; 3], width: usize, ppd: f64) -> FeatureImage {
-        let level = |v: f32| if v.is_nan() { 0.0 } else { f64::from(decode_srgb(v.clamp(0.0, 1.0))) };
+        let level = |v: f32| if v.is_nan() { 0.0 } else { f64::from(srgb_decode(v.clamp(0.0, 1.0))) };
         let at = |i: usize| to_opponent(DVec3::new(level(colors[0][i]), level(colors[1][i]), level(colors[2][i])));
         let opponent: Vec<DVec3> = (0..colors[0].len()).into_par_iter().map(at).collect();
         let channel = |c: usize| opponent.iter().map(|v| v[c]).collect::<Vec<f64>>();

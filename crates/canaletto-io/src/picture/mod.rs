@@ -16,7 +16,6 @@ mod samples;
 mod ssim;
 mod temporary;
 mod texture;
-mod transfer;
 mod write;
 
 pub use self::png::Compression;
@@ -30,7 +29,6 @@ pub use rest::{ChannelDifference, RestDifference};
 pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
 pub use ssim::ssim;
 pub use temporary::sweep;
-pub use transfer::{decode_srgb, encode_srgb};
 pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
 use crate::diagnostic::word_list;

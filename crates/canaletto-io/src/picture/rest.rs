@@ -1,7 +1,8 @@
 //! Differences of two pictures besides red, green and blue: alpha, layers, windows and declared transfer curves.
 
 use super::compare::distance;
-use super::{Channel, Decoded, Image, Window, encode_srgb};
+use super::{Channel, Decoded, Image, Window};
+use canaletto::film::srgb_encode;
 use canaletto::scene::Transfer;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -89,7 +90,7 @@ impl RestDifference {
             return;
         }
         self.pixels.resize(a.image.pixels(), false);
-        let seen = |v: f32| if v.is_nan() { v } else { encode_srgb(v.clamp(0.0, 1.0)) };
+        let seen = |v: f32| if v.is_nan() { v } else { srgb_encode(v.clamp(0.0, 1.0)) };
         let mut found = ChannelDifference { channel: String::new(), differing: 0, max: 0.0, at: [0, 0] };
         for (index, differs) in self.pixels.iter_mut().enumerate() {
             let mut unseen = false;

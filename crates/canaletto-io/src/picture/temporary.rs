@@ -6,7 +6,7 @@
 
 #[cfg(target_os = "linux")]
 use super::write::folder_of;
-use crate::assets::FileId;
+use crate::file_id::FileId;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::Path;

@@ -4,10 +4,12 @@
 //! assignments to their values, `arithmetic` replaces expressions by numbers, and `animate` evaluates keys and paths
 //! for a frame. `decode` validates the nodes against `schema` and builds the scene. Each stage reports every mistake
 //! and continues.
+//!
+//! The files use each other in a circle. A table of `nodes` holds the readers of its node, which `decode` calls. A
+//! reader calls `decode` for the nodes within its node. Words of these tables guide all stages before.
 
 mod animate;
 mod arithmetic;
-mod closest_word;
 mod decode;
 mod file_cache;
 mod files;
@@ -22,10 +24,8 @@ mod suggest;
 mod syntax;
 mod validate;
 
-pub use closest_word::closest_word;
 pub use files::MAX_TEXT;
 pub(crate) use model_settings::set_in_model;
-pub(crate) use nodes::DEFAULT_FPS;
 pub use reference::reference_markdown;
 
 use crate::assets::{AssetPath, Assets};

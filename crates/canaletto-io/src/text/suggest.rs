@@ -1,12 +1,12 @@
 //! The help with unknown words and names: what was probably meant, and what is possible.
 
 use super::arithmetic::LET;
-use super::closest_word::closest_word;
 use super::nodes::{self, INCLUDE, KEY};
 use super::report::Message;
 use super::schema::NodeSchema;
 use super::syntax::{Node, Span, Value, ValueKind};
 use super::validate::Validator;
+use crate::diagnostic::closest_word;
 
 /// The largest number of unknown names for which suggestions are computed.
 const MAX_GUESSES: usize = 50;

@@ -1,7 +1,6 @@
 //! The validation of nodes against their schema.
 
 use super::arithmetic::{MEDIA, closest_color, closest_medium, takes_media};
-use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{self, TRANSFORMS};
 use super::reader::{Entry, Fields, TransformEntry};
@@ -9,7 +8,7 @@ use super::report::{Message, Report};
 use super::schema::{FieldSchema, NUMBER, NodeSchema, ValueType};
 use super::suggest::{described, shortened};
 use super::syntax::{Node, Span, Value, ValueKind};
-use crate::diagnostic::word_list;
+use crate::diagnostic::{closest_word, word_list};
 
 /// The context of validation: the report and the files.
 pub(crate) struct Validator<'a> {

@@ -5,11 +5,12 @@ use crate::failure::Failure;
 use crate::picture_file::read_picture;
 use crate::settings::list;
 use crate::told_developing::ToldDeveloping;
-use canaletto::film::{Developer, Picture};
+use canaletto::film::{Developer, Picture, srgb_encode};
 use canaletto::math::Rgb;
 use canaletto::scene::{Developing, Exposure, Tone, Transfer};
-use canaletto_io::picture::{Decoded, Image, decode_srgb, encode_srgb};
-use canaletto_io::text::closest_word;
+use canaletto::texture::srgb_decode;
+use canaletto_io::diagnostic::closest_word;
+use canaletto_io::picture::{Decoded, Image};
 use std::path::Path;
 
 /// A picture from a file.
@@ -85,7 +86,7 @@ impl Input {
         };
         image.map_color(|v| {
             let v = if v.is_nan() { v } else { v.clamp(0.0, 1.0) };
-            let v = if developing.transfer == Transfer::Srgb { encode_srgb(v) } else { v };
+            let v = if developing.transfer == Transfer::Srgb { srgb_encode(v) } else { v };
             steps.map_or(v, |steps| (v * steps).round() / steps)
         })
     }
@@ -97,7 +98,7 @@ impl Input {
             false => image,
             // Linear light is multiplied by alpha, as in an EXR.
             true if curve == Transfer::None => image.premultiplied(),
-            true => image.map_color(decode_srgb).premultiplied(),
+            true => image.map_color(srgb_decode).premultiplied(),
         }
     }
 }

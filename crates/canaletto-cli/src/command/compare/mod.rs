@@ -12,10 +12,10 @@ use crate::output_format::Format;
 use crate::stdout::{print, print_json};
 use canaletto::scene::{Developing, Transfer};
 use canaletto::{Named, named};
+use canaletto_io::diagnostic::closest_word;
 use canaletto_io::picture::{
     Comparison, EncodeSettings, Image, PIXELS_PER_DEGREE, RestDifference, Unequal, compare, difference, differing,
 };
-use canaletto_io::text::closest_word;
 use clap::Args;
 pub(super) use input::{Input, read};
 use report::ComparisonReport;

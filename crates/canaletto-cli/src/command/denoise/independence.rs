@@ -2,7 +2,7 @@
 
 use crate::exit::Exit;
 use crate::failure::Failure;
-use canaletto_io::assets::FileId;
+use canaletto_io::file_id::FileId;
 use canaletto_io::picture::{Decoded, SAMPLES_TEXT};
 use std::ops::Range;
 use std::path::Path;

@@ -13,10 +13,12 @@ use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
 use crate::watched::watched;
 use canaletto::Named;
+use canaletto::film::srgb_encode;
 use canaletto::grade::{Grade, Mistake, Remark, StudentPicture, Task, Verdict, grade};
 use canaletto::render::Job;
 use canaletto::scene::Transfer;
-use canaletto_io::picture::{PictureFormat, decode_srgb, encode_srgb};
+use canaletto::texture::srgb_decode;
+use canaletto_io::picture::PictureFormat;
 use clap::Args;
 use report::GradeReport;
 use std::path::{Path, PathBuf};
@@ -148,8 +150,8 @@ fn student_picture(path: &Path, input: &Input, job: &Job) -> Result<StudentPictu
 /// The student's picture with the curve of the scene, if its file declares another one.
 fn as_declared(student: &StudentPicture, declared: Option<Transfer>, own: Transfer) -> Option<StudentPicture> {
     let curve = match (declared?, own) {
-        (Transfer::Srgb, Transfer::None) => decode_srgb,
-        (Transfer::None, Transfer::Srgb) => encode_srgb,
+        (Transfer::Srgb, Transfer::None) => srgb_decode,
+        (Transfer::None, Transfer::Srgb) => srgb_encode,
         _ => return None,
     };
     Some(StudentPicture { pixels: student.pixels.iter().map(|c| c.map(curve)).collect(), ..student.clone() })

@@ -3,6 +3,7 @@
 mod picture;
 mod recipe;
 
+use crate::digest::UsedFile;
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
@@ -11,7 +12,7 @@ use crate::memory::Memory;
 use crate::output_format::Format;
 use crate::picture_file::picture_format;
 use crate::settings::Settings;
-use crate::source::{Source, UsedFile, build, on_threads};
+use crate::source::{Source, build, on_threads};
 use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
 use canaletto::material::{Material, Parameter, ParameterValue, Shown};

@@ -1,9 +1,9 @@
 //! `canaletto render`: renders scenes to pictures.
 
 mod dry_run;
+mod frame_writer;
 mod plan;
-
-pub(crate) use plan::Plan;
+mod series;
 
 use crate::command_files::CommandFiles;
 use crate::denoiser::Denoiser;
@@ -18,7 +18,6 @@ use crate::output_format::Format;
 use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
-use crate::series::Series;
 use crate::settings::Settings;
 use crate::shooting_steps::{ShootingFlags, StepPictures};
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
@@ -26,9 +25,11 @@ use crate::source::{Reader, STDIN, build, on_threads};
 use crate::watch::watch;
 use canaletto::Named;
 use canaletto::render::{Aov, Job};
-use canaletto_io::text::closest_word;
+use canaletto_io::diagnostic::closest_word;
 use clap::Args;
 use dry_run::{dry_run, room};
+use plan::Plan;
+use series::Series;
 use std::path::{Path, PathBuf};
 
 /// Renders a scene or a model to a picture.

@@ -1,7 +1,7 @@
 //! Radii and colours of the chemical elements.
 
-use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
+use canaletto::texture::srgb_decode;
 
 /// The appearance of an atom.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub(super) fn element(name: &[u8]) -> Option<Element> {
         ELEMENTS.iter().position(|(known, ..)| known.as_bytes().eq_ignore_ascii_case(symbol))?
     };
     let (_, hundredths, color) = *ELEMENTS.get(index)?;
-    let channel = |shift: u32| decode_srgb((color >> shift & 0xff) as f32 / 255.0);
+    let channel = |shift: u32| srgb_decode((color >> shift & 0xff) as f32 / 255.0);
     Some(Element { radius: f32::from(hundredths) / 100.0, color: Rgb::new(channel(16), channel(8), channel(0)) })
 }
 

@@ -9,8 +9,8 @@ use super::super::positions::Positions;
 use super::super::text::{Piece, Text};
 use super::faces::NONE;
 use super::keyword::Keyword;
-use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
+use canaletto::texture::srgb_decode;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -128,7 +128,7 @@ fn decode(colors: &mut Vec<Rgb>) -> Option<String> {
         return Some(format!("vertex colours go up to {largest}, which is no colour, and are left out"));
     };
     colors.par_iter_mut().for_each(|c| {
-        *c = if c.r.is_nan() { Rgb::WHITE } else { c.map(|value| decode_srgb(value / scale.most())) };
+        *c = if c.r.is_nan() { Rgb::WHITE } else { c.map(|value| srgb_decode(value / scale.most())) };
     });
     match scale {
         Scale::One if largest <= ROUNDED => None,

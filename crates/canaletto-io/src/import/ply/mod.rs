@@ -25,11 +25,10 @@ use super::{DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, enc
 use crate::assets::{Assets, OpenAsset};
 use crate::content::View;
 use crate::diagnostic::Diagnostics;
-use crate::picture::decode_srgb;
 use canaletto::math::Rgb;
 use canaletto::memory;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
-use canaletto::texture::ColorSpace;
+use canaletto::texture::{ColorSpace, srgb_decode};
 use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header, Kind};
@@ -349,7 +348,7 @@ impl Extra {
         };
         let byte = |byte: u16| {
             let share = f32::from(byte) / 255.0;
-            if settings.colors == Some(ColorSpace::Linear) { share } else { decode_srgb(share) }
+            if settings.colors == Some(ColorSpace::Linear) { share } else { srgb_decode(share) }
         };
         Ok(Extra {
             radius: radius.filter(|_| with_radius),

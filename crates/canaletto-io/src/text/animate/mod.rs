@@ -12,8 +12,8 @@ pub(crate) use keys::{Keys, Turn};
 
 use super::files::Files;
 use super::nodes::{
-    self, ANIMATION, CAMERA, CAMERA_FOLLOW, CLOSED, CROP, CURVE, DEFAULT_CAMERA, DEFAULT_FPS, EASE, FOLLOW, FPS,
-    FRAMES, INCLUDE, KEY, KEYS, NAME, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, SHUTTER, SIZE, TURN,
+    self, ANIMATION, CAMERA, CAMERA_FOLLOW, CLOSED, CROP, CURVE, DEFAULT_CAMERA, EASE, FOLLOW, FPS, FRAMES, INCLUDE,
+    KEY, KEYS, NAME, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, SHUTTER, SIZE, TURN,
 };
 use super::reader::Fields;
 use super::report::{Message, Report};
@@ -58,7 +58,7 @@ pub(crate) fn timeline(nodes: &[Node], files: &Files, report: Report) -> (Timeli
                 let message =
                     format!("fps is {fps}; it must be between {} and {}", Timeline::FPS.start(), Timeline::FPS.end());
                 validator.report.error(fields.span(&FPS), message);
-                timeline.fps = DEFAULT_FPS;
+                timeline.fps = Timeline::DEFAULT_FPS;
             }
         }
         if let Some([from, to]) = fields.get(&FRAMES) {

@@ -1,7 +1,7 @@
 //! Colours by name or as hexadecimal numbers, both on the sRGB curve.
 
 use super::color_names::COLOR_NAMES;
-use crate::text::closest_word::closest_word;
+use crate::diagnostic::closest_word;
 use canaletto::texture::srgb_decode;
 
 /// The word before a colour on the sRGB curve.

@@ -1,7 +1,7 @@
 //! Arithmetic expressions: numbers, names, `+ - * / ^`, parentheses and a few functions. An expression has no loops, so
 //! that its value takes time linear in its length.
 
-use crate::text::closest_word::closest_word;
+use crate::diagnostic::closest_word;
 use std::fmt::Write;
 
 /// The deepest nesting of parentheses.

@@ -1,6 +1,6 @@
 //! Media by name: their coefficients of refraction.
 
-use crate::text::closest_word::closest_word;
+use crate::diagnostic::closest_word;
 
 /// The field of the coefficient of refraction.
 pub(crate) const ETA: &str = "eta";

@@ -17,12 +17,12 @@ pub(crate) use expression::{CONSTANTS, FUNCTIONS};
 pub(crate) use media::{DIELECTRIC, MEDIA, closest_medium, takes_media};
 pub(crate) use repeat::{Copies, DEFAULT_INDEX, MAX_COPIES, MAX_KEPT_COPIES, REPEAT, Repeat};
 
-use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes;
 use super::report::{Message, Report};
 use super::schema::NodeSchema;
 use super::syntax::{Node, Property, Span, Value, ValueKind};
+use crate::diagnostic::closest_word;
 use expression::{Expression, ExpressionError, is_name, is_taken};
 
 /// The node of named numbers.

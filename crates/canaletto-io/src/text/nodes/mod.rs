@@ -31,21 +31,21 @@ pub(crate) use lights::{LIGHT, LIGHTS, light};
 pub(crate) use material::{CONDUCTOR, MATERIAL as MATERIAL_NODE, MEDIUM};
 pub(crate) use mesh::MeshCache;
 pub(crate) use motion::{
-    ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, DEFAULT_FPS, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY,
-    KEYS, MATRIX, MOTION, MOTION_FIELD, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, TRANSFORMS, TRANSLATE, TURN, UP,
+    ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY, KEYS, MATRIX,
+    MOTION, MOTION_FIELD, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, TRANSFORMS, TRANSLATE, TURN, UP,
 };
 pub(crate) use standard::{STANDARD, STANDARD_BLOCKS};
 pub(crate) use surface_texture::SURFACE_TEXTURE;
 pub(crate) use texture::{Images, TEXTURE, TEXTURES, texture};
 
 use super::arithmetic::{LET, REPEAT};
-use super::closest_word::closest_word;
 use super::decode::{Decoder, TransformReader};
 use super::reader::Fields;
 use super::report::Message;
 use super::schema::{Field, FieldSchema, NodeSchema, Text, ValueType, flag, quoted};
 use super::suggest::SYNONYMS;
 use super::syntax::{Node, Span};
+use crate::diagnostic::closest_word;
 use canaletto::scene::Content;
 use canaletto::shape::Shape;
 

@@ -3,6 +3,7 @@
 
 use super::TransformField;
 use crate::animation::{Ease, PathCurve};
+use crate::source::Timeline;
 use crate::text::animate::{KeyUnit, Turn};
 use crate::text::decode::TransformReader;
 use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Numbers, Text, quoted};
@@ -54,11 +55,9 @@ pub(crate) const MOTION_FIELD: Field<Block> =
 /// Its schema, for nodes that have it without a line in their table.
 pub(super) static MOTION_SCHEMA: FieldSchema = MOTION_FIELD.schema;
 
-/// The default frame rate in frames per second.
-pub(crate) const DEFAULT_FPS: f64 = 25.0;
 pub(crate) const FPS: Field<f64> =
     Field::new("fps", "frames of a second, from 0.01 to 1000: the speed of films, and what keys in seconds mean")
-        .or(|| DEFAULT_FPS.to_string());
+        .or(|| Timeline::DEFAULT_FPS.to_string());
 pub(crate) const FRAMES: Field<[u32; 2]> =
     Field::new("frames", "the first and the last frame, for films and `--frames all`");
 pub(crate) const KEYS: Field<KeyUnit> =

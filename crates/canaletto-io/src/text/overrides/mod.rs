@@ -8,7 +8,6 @@ mod place;
 mod tests;
 
 use super::arithmetic::{DEFAULT_INDEX, LET, REPEAT};
-use super::closest_word::closest_word;
 use super::files::Files;
 use super::nodes::{
     self, ANIMATION, CAMERA, DEFAULT_CAMERA, ENVIRONMENT, GROUP, INCLUDE, INTEGRATOR, LIGHT, MATERIAL_NODE, PATH,
@@ -17,7 +16,7 @@ use super::nodes::{
 use super::report::{Message, Report};
 use super::syntax::{Node, Span, Value, parse_entries};
 use crate::assets::AssetPath;
-use crate::diagnostic::word_list;
+use crate::diagnostic::{closest_word, word_list};
 use place::{Part, leads_into, place};
 
 /// What assignments may change.

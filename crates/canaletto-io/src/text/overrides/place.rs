@@ -1,12 +1,11 @@
 //! The place that the rest of a path leads to: from a node through its blocks to a field, whose values are replaced.
 //! Blocks that aren't there are made. What is wrong in them is told when the scene is decoded.
 
-use super::super::closest_word::closest_word;
 use super::super::nodes::{self, ALIASES, ALTERNATIVES, EASE, FOLLOW, KEY, POINT_FOLLOW, TURN};
 use super::super::report::Message;
 use super::super::schema::{NodeSchema, ValueType};
 use super::super::syntax::{Node, Span, Value, ValueKind};
-use crate::diagnostic::word_list;
+use crate::diagnostic::{closest_word, word_list};
 
 /// A word of a path, between its dots.
 #[derive(Clone, Debug)]

@@ -1,18 +1,18 @@
 //! The files of rendered frames: a picture with its layers, the part of an interrupted picture, or a film.
 
-use crate::command::render::Plan;
+use super::Plan;
 use crate::complete::texts;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::layers;
-use crate::output::{film_failed, unfit};
+use crate::output::{film_failed, unfit, window};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::world::World;
 use canaletto_io::movie::{Movie, MovieSettings};
-use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered, Window};
+use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered};
 use std::path::Path;
 
 /// Writes the frames of a plan.
@@ -230,10 +230,4 @@ impl FramePicture<'_> {
         }
         texts
     }
-}
-
-/// The rendered part's place in the camera's picture.
-pub(crate) fn window(job: &Job) -> Window {
-    let [x, y, ..] = job.window();
-    Window { at: [x as i32, y as i32], whole: job.camera.size() }
 }

@@ -30,7 +30,7 @@ impl FileId {
     }
 
     /// The identity as a path that no file has.
-    pub(super) fn into_path(self) -> PathBuf {
+    pub(crate) fn into_path(self) -> PathBuf {
         self.0
     }
 }

@@ -1,16 +1,17 @@
 //! The frames of a render, in order. Complete frames are kept; the others are rendered and written.
 
-use crate::command::render::{Plan, RenderFlags};
+use super::frame_writer::{FramePicture, FrameWriter};
+use super::{Plan, RenderFlags};
 use crate::complete::{is_complete, texts};
 use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::digest::Digest;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
-use crate::frame_writer::{FramePicture, FrameWriter, window};
 use crate::interrupt;
 use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, doubt_ray_trees, shortfalls};
+use crate::output::window;
 use crate::output_format::Format;
 use crate::passes::{
     OutlookTime, PassObserver, add_samples, noise_left, sample_warnings, samples_of_file, scene_digest,

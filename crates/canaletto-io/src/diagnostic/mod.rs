@@ -1,5 +1,9 @@
 //! Messages about files: what is wrong, where, and what would be right.
 
+mod closest_word;
+
+pub use closest_word::closest_word;
+
 use serde::ser::{Serialize, SerializeSeq, SerializeStruct, Serializer};
 use std::borrow::Cow;
 use std::collections::HashMap;
