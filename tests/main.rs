@@ -18,6 +18,7 @@ mod figures;
 mod footprints;
 mod grade;
 mod guiding;
+mod layers;
 mod limits;
 mod noise;
 mod passes;
