@@ -21,6 +21,17 @@ const TEXT_EXTENSION: &str = "kdl";
 
 /// Opens a scene file. `set` holds overrides, as [`crate::text::read_scene_with`] takes them.
 ///
+/// ```
+/// use canaletto_io::assets::MemoryAssets;
+/// use canaletto_io::scene_file::open;
+///
+/// let assets = MemoryAssets::new().with("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
+/// let mut source = open("a.obj", &assets, &["camera.fovy=20".to_owned()]).expect("OBJ is a known format");
+/// let (scene, warnings) = source.scene(&assets, 0.0)?;
+/// assert_eq!(scene.views[0].intrinsics.fovy, 20.0);
+/// # Ok::<(), canaletto_io::diagnostic::Diagnostics>(())
+/// ```
+///
 /// # Errors
 /// [`OpenError`]. Mistakes that leave a part of the text are returned by [`SceneSource::scene`], as are those of
 /// models.

@@ -5,7 +5,8 @@
 //! compression is refused: the crate's decoder allocates as much memory as a block declares. It also has different
 //! kernels for different processors, which round differently (its `compression/dwa/discrete_cosine_transform`).
 
-use super::{DENSEST, ImageError, ImageFormat, SMALL, decoder, is_within_budget, judge, room, with_memory};
+use super::{DENSEST, DWA, ImageError, ImageFormat, SMALL, decoder, is_within_budget, judge, room, with_memory};
+use crate::codec::is_exr;
 use crate::guard::guarded;
 use ::exr::block::UncompressedBlock;
 use ::exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
@@ -24,8 +25,6 @@ use std::ops::Range;
 
 const FORMAT: &str = "OpenEXR";
 const CHROMA: &str = "colour as luminance and chroma (Y RY BY)";
-/// The name of the unsupported compression in messages.
-pub(super) const DWA: &str = "DWA compression";
 
 /// The largest memory of unpacked blocks that wait to be copied, in bytes. A single block may exceed it.
 const BATCH: usize = 16 << 20;
@@ -271,12 +270,7 @@ fn headers_end(bytes: &[u8]) -> Result<usize, ImageError> {
 
 /// OpenEXR in the table of images.
 pub(super) const IMAGE: ImageFormat =
-    ImageFormat { name: FORMAT, recognises: is_exr, read: |bytes| Ok(with_memory(read(bytes)?)) };
-
-/// Whether the file starts like an EXR.
-pub(crate) fn is_exr(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x76\x2f\x31\x01")
-}
+    ImageFormat { name: FORMAT, recognises: is_exr, read: Ok(|bytes| Ok(with_memory(read(bytes)?))) };
 
 /// Reads an EXR: the channels R, G, B or Y, and A. The image is the part's data window.
 fn read(bytes: &[u8]) -> Result<Image, ImageError> {

@@ -13,11 +13,11 @@ const FORMAT: &str = "Radiance HDR";
 pub(super) const IMAGE: ImageFormat = ImageFormat {
     name: FORMAT,
     recognises: is_hdr,
-    read: |bytes| {
+    read: Ok(|bytes| {
         let (image, memory) = with_memory(read(bytes)?);
         let packed = 4 * u64::from(image.width) * u64::from(image.height);
         Ok((image, memory + packed))
-    },
+    }),
 };
 
 /// Whether the file starts like a Radiance picture.

@@ -5,6 +5,7 @@
 //! skips, are removed first.
 
 use super::{ImageError, ImageFormat, decoder, judge, room, zeros};
+use crate::codec::is_jpeg;
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::Cursor;
 use zune_core::colorspace::ColorSpace as Layout;
@@ -19,12 +20,7 @@ const FORMAT: &str = "JPEG";
 const SCANS: usize = 100;
 
 /// JPEG in the table of images.
-pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_jpeg, read };
-
-/// Whether the file starts like a JPEG.
-pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\xff\xd8")
-}
+pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_jpeg, read: Ok(read) };
 
 /// Reads a JPEG; returns it with the peak memory in bytes. Colour profiles and camera orientation are ignored.
 fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {

@@ -10,15 +10,20 @@
 //!
 //! [`texture::Image::MAX_TEXELS`]: canaletto::texture::Image::MAX_TEXELS
 
+#[cfg(feature = "exr")]
 pub(crate) mod exr;
 pub(crate) mod hdr;
-pub(crate) mod jpeg;
+#[cfg(feature = "jpeg")]
+mod jpeg;
+#[cfg(feature = "png")]
 pub(crate) mod png;
 #[cfg(test)]
 mod tests;
-pub(crate) mod webp;
+#[cfg(feature = "webp")]
+mod webp;
 
 use crate::assets::Asset;
+use crate::codec::CodecOff;
 use crate::diagnostic::word_list;
 use crate::guard::guarded;
 use canaletto::memory::{self, NoMemory};
@@ -106,6 +111,9 @@ pub enum ImageError {
         /// The memory that decoding would take, in bytes.
         memory: u64,
     },
+    /// The program was built without the format's codec.
+    #[error(transparent)]
+    Off(#[from] CodecOff),
     /// The memory, in bytes, can't be allocated.
     #[error("there is no memory for its {0} bytes")]
     NoMemory(u64),
@@ -119,7 +127,7 @@ impl ImageError {
             ImageError::Damaged { .. } | ImageError::ExceedsFile { .. } => {
                 Some("make the file anew, or open and save it with a program for pictures")
             }
-            ImageError::Unsupported { what, .. } if what == exr::DWA => {
+            ImageError::Unsupported { what, .. } if what == DWA => {
                 Some("it would be unpacked to other numbers on other processors; save it with ZIP or PIZ compression")
             }
             ImageError::TooDense { .. } => Some("save it as PNG, which is unpacked row by row, or scale it down"),
@@ -128,6 +136,9 @@ impl ImageError {
         }
     }
 }
+
+/// The name of the compression of OpenEXR that isn't read, in messages.
+const DWA: &str = "DWA compression";
 
 /// The largest total memory of a scene's or a model's images in bytes.
 pub(crate) const MAX_IMAGE_BYTES: u64 = 8 << 30;
@@ -179,22 +190,48 @@ struct ImageFormat {
     /// Whether a file with these first bytes has this format.
     recognises: fn(&[u8]) -> bool,
     /// Decodes an unnamed image; returns it with the peak memory in bytes.
-    read: ReadImage,
+    read: Result<ReadImage, CodecOff>,
 }
 
 type ReadImage = fn(&[u8]) -> Result<(Image, u64), ImageError>;
 
 /// All formats, in the order of messages.
-const FORMATS: [ImageFormat; 5] = [png::IMAGE, jpeg::IMAGE, exr::IMAGE, hdr::IMAGE, webp::IMAGE];
+static FORMATS: [ImageFormat; 5] = [
+    #[cfg(feature = "png")]
+    png::IMAGE,
+    #[cfg(not(feature = "png"))]
+    without(crate::codec::PNG, crate::codec::is_png),
+    #[cfg(feature = "jpeg")]
+    jpeg::IMAGE,
+    #[cfg(not(feature = "jpeg"))]
+    without(crate::codec::JPEG, crate::codec::is_jpeg),
+    #[cfg(feature = "exr")]
+    exr::IMAGE,
+    #[cfg(not(feature = "exr"))]
+    without(crate::codec::EXR, crate::codec::is_exr),
+    hdr::IMAGE,
+    #[cfg(feature = "webp")]
+    webp::IMAGE,
+    #[cfg(not(feature = "webp"))]
+    without(crate::codec::WEBP, crate::codec::is_webp),
+];
+
+/// A format without its codec.
+#[allow(dead_code)] // All codecs may be there.
+const fn without(codec: CodecOff, recognises: fn(&[u8]) -> bool) -> ImageFormat {
+    ImageFormat { name: codec.format, recognises, read: Err(codec) }
+}
 
 /// The sentence that names all formats.
-static READABLE: LazyLock<String> =
-    LazyLock::new(|| format!("images are read from {} files", word_list(&FORMATS.map(|format| format.name), "and")));
+static READABLE: LazyLock<String> = LazyLock::new(|| {
+    let names: Vec<&str> = FORMATS.iter().filter(|format| format.read.is_ok()).map(|format| format.name).collect();
+    format!("images are read from {} files", word_list(&names, "and"))
+});
 
 /// Decodes an unnamed image; returns it with the peak memory in bytes.
 pub(crate) fn unpack(bytes: &[u8]) -> Result<(Image, u64), ImageError> {
     match FORMATS.iter().find(|format| (format.recognises)(bytes)) {
-        Some(format) => (format.read)(bytes),
+        Some(format) => (format.read?)(bytes),
         None => Err(unknown(bytes)),
     }
 }

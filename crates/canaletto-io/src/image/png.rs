@@ -1,6 +1,7 @@
 //! Decoding of PNG (ISO/IEC 15948) in all its types; 16-bit samples stay 16 bits.
 
 use super::{ImageError, ImageFormat, decoder, is_within_budget, judge, room, with_memory};
+use crate::codec::is_png;
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use std::io::{Cursor, Read};
@@ -30,12 +31,7 @@ pub(crate) struct Unpacked {
 
 /// PNG in the table of images.
 pub(super) const IMAGE: ImageFormat =
-    ImageFormat { name: FORMAT, recognises: is_png, read: |bytes| Ok(with_memory(read(bytes)?)) };
-
-/// Whether the file starts like a PNG.
-pub(crate) fn is_png(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\x89PNG\r\n\x1a\n")
-}
+    ImageFormat { name: FORMAT, recognises: is_png, read: Ok(|bytes| Ok(with_memory(read(bytes)?))) };
 
 /// Reads a PNG. A gAMA chunk determines the curve if there is no sRGB chunk; chromaticities and colour profiles are
 /// ignored.

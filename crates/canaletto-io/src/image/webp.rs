@@ -1,6 +1,7 @@
 //! WebP (RFC 9649), lossy and lossless, with or without alpha. Of an animation only the first picture is read.
 
 use super::{DENSEST, ImageError, ImageFormat, decoder, judge, zeros};
+use crate::codec::is_webp;
 use canaletto::texture::{ColorSpace, Image, Samples};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io::Cursor;
@@ -14,12 +15,7 @@ const SMALL: u64 = 1 << 24;
 const TEXEL: u64 = 8;
 
 /// WebP in the table of images.
-pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_webp, read };
-
-/// Whether the file starts like a WebP picture.
-pub(crate) fn is_webp(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP")
-}
+pub(super) const IMAGE: ImageFormat = ImageFormat { name: FORMAT, recognises: is_webp, read: Ok(read) };
 
 /// Reads a WebP picture; returns it with the peak memory in bytes. Colour profiles are ignored.
 fn read(bytes: &[u8]) -> Result<(Image, u64), ImageError> {

@@ -1,8 +1,7 @@
 //! Animated PNG (ISO/IEC 15948, third edition). Each frame is the rectangle that changed.
 
-use super::{Area, FormatInfo, Frames, MovieError, MovieSettings, Part, UNFINISHED};
-use crate::image::png::is_png;
-use crate::picture::{AtomicFile, WriteOptions, png_texts};
+use super::{Area, Frames, MovieError, MovieSettings, Part, UNFINISHED};
+use crate::picture::{AtomicFile, Compression, WriteOptions, png_texts};
 use ::png::text_metadata::TEXtChunk;
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, Filter, ScaledFloat, SrgbRenderingIntent, Writer};
 use canaletto::scene::Transfer;
@@ -10,17 +9,6 @@ use flate2::Crc;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-
-/// Animated PNG in the table of film formats.
-pub(super) const FORMAT: FormatInfo = FormatInfo {
-    names: ["animated PNG", "APNG"],
-    extension: "apng",
-    summary: "A film as animated PNG, in full colour",
-    recognises: is_png,
-    compression: true,
-    alpha: true,
-    needs_ffmpeg: false,
-};
 
 pub(super) struct Apng {
     file: AtomicFile,
@@ -37,7 +25,7 @@ impl Apng {
         let mut encoder = Encoder::new(file.handle()?, settings.width, settings.height);
         encoder.set_color(if settings.alpha { ColorType::Rgba } else { ColorType::Rgb });
         encoder.set_depth(BitDepth::Eight);
-        encoder.set_compression(settings.compression.of_frames());
+        encoder.set_compression(compression_of_frames(settings.compression));
         encoder.set_filter(Filter::Adaptive);
         if settings.transfer == Transfer::Srgb {
             encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
@@ -60,6 +48,15 @@ impl Apng {
         begin().map_err(|e| wrong(&file, e))?;
         let writer = encoder.write_header().map_err(|e| wrong(&file, e))?;
         Ok(Apng { file, writer, width: settings.width, pixel: if settings.alpha { 4 } else { 3 } })
+    }
+}
+
+/// The compression of frames in the words of the crate `png`.
+fn compression_of_frames(compression: Compression) -> ::png::Compression {
+    match compression {
+        Compression::Fast => ::png::Compression::Fast,
+        Compression::Default => ::png::Compression::Balanced,
+        Compression::Best => ::png::Compression::High,
     }
 }
 

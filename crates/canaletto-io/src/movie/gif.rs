@@ -2,22 +2,11 @@
 //! dithering, which would flicker between frames.
 
 use super::palette::palette;
-use super::{Area, FormatInfo, Frames, MovieError, MovieSettings, Part, Rate, UNFINISHED};
+use super::{Area, Frames, MovieError, MovieSettings, Part, Rate, UNFINISHED};
 use crate::picture::{AtomicFile, WriteOptions};
 use ::gif::{AnyExtension, DisposalMethod, Encoder, EncodingError, Extension, Frame, Repeat};
 use std::io::{BufWriter, Write};
 use std::path::Path;
-
-/// GIF in the table of film formats.
-pub(super) const FORMAT: FormatInfo = FormatInfo {
-    names: ["GIF", "GIF"],
-    extension: "gif",
-    summary: "A film as GIF, with 256 colours in each frame and at most 50 frames a second",
-    recognises: |start| start.starts_with(b"GIF8"),
-    compression: false,
-    alpha: false,
-    needs_ffmpeg: false,
-};
 
 pub(super) struct Gif {
     file: AtomicFile,

@@ -3,15 +3,19 @@
 //! Frames are written as they arrive. The file gets its name after the last one. An unfinished film is removed unless
 //! [`Movie::finish_part`] is called. All formats have 8 bits.
 
+#[cfg(feature = "png")]
 mod apng;
 mod ffmpeg;
+#[cfg(feature = "gif")]
 mod gif;
+#[cfg(feature = "gif")]
 mod palette;
 mod rate;
 
 pub use ffmpeg::find_ffmpeg;
 pub use rate::Rate;
 
+use crate::codec::{self, CodecOff};
 use crate::picture::{Compression, Image, WriteError, WriteOptions};
 use canaletto::scene::Transfer;
 use std::path::Path;
@@ -32,8 +36,8 @@ pub enum MovieFormat {
 
 /// All formats with their rows, in the order of messages and help texts.
 static FORMATS: [(MovieFormat, FormatInfo); 4] = [
-    (MovieFormat::Apng, apng::FORMAT),
-    (MovieFormat::Gif, gif::FORMAT),
+    (MovieFormat::Apng, APNG),
+    (MovieFormat::Gif, GIF),
     (MovieFormat::Mp4, ffmpeg::MP4),
     (MovieFormat::WebM, ffmpeg::WEBM),
 ];
@@ -55,6 +59,28 @@ struct FormatInfo {
     /// Whether the program `ffmpeg` is needed.
     needs_ffmpeg: bool,
 }
+
+/// Animated PNG in the table of film formats.
+const APNG: FormatInfo = FormatInfo {
+    names: ["animated PNG", "APNG"],
+    extension: "apng",
+    summary: "A film as animated PNG, in full colour",
+    recognises: codec::is_png,
+    compression: true,
+    alpha: true,
+    needs_ffmpeg: false,
+};
+
+/// GIF in the table of film formats.
+const GIF: FormatInfo = FormatInfo {
+    names: ["GIF", "GIF"],
+    extension: "gif",
+    summary: "A film as GIF, with 256 colours in each frame and at most 50 frames a second",
+    recognises: |start| start.starts_with(b"GIF8"),
+    compression: false,
+    alpha: false,
+    needs_ffmpeg: false,
+};
 
 impl MovieFormat {
     /// All formats in the order of messages and help texts.
@@ -135,6 +161,9 @@ pub enum MovieError {
     /// The format can't represent the film.
     #[error("{0}")]
     Unfit(String),
+    /// The program was built without the format's codec.
+    #[error(transparent)]
+    Off(#[from] CodecOff),
     /// The file can't be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -202,8 +231,14 @@ impl Movie {
             return Err(MovieError::Unfit("a film needs at least one frame of at least one pixel".into()));
         }
         let writer: Box<dyn Frames> = match format {
+            #[cfg(feature = "png")]
             MovieFormat::Apng => Box::new(apng::Apng::begin(path, options, &settings)?),
+            #[cfg(not(feature = "png"))]
+            MovieFormat::Apng => return Err(codec::PNG.into()),
+            #[cfg(feature = "gif")]
             MovieFormat::Gif => Box::new(gif::Gif::begin(path, options, &settings)?),
+            #[cfg(not(feature = "gif"))]
+            MovieFormat::Gif => return Err(codec::GIF.into()),
             MovieFormat::Mp4 | MovieFormat::WebM => Box::new(ffmpeg::Ffmpeg::begin(format, path, options, &settings)?),
         };
         Ok(Movie { settings, writer, added: 0, last: Vec::new() })

@@ -6,8 +6,9 @@ use super::exr_part::write_exr_part;
 use super::format::{Capabilities, EncodeSettings, Encoder, FormatInfo, GoesOn};
 use super::pixel_hash::{PIXEL_HASH, PixelHash};
 use super::{Channel, Compression, Decoded, Image, PictureError, SOFTWARE, Window, check};
+use crate::codec::is_exr;
 use crate::image::ImageError;
-use crate::image::exr::{File, floats, is_exr, size};
+use crate::image::exr::{File, floats, size};
 use ::exr::meta::attribute::SampleType;
 use ::exr::meta::header::Header;
 use ::exr::prelude as ex;
@@ -52,6 +53,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
             write_exr_part(size, &names, &fill, ExrOptions::from(settings), texts, out, goes_on).map(|_| ())
         }),
     }),
+    off: None,
 };
 
 /// The number of bits of colours, or of the widest channel where there are none. Channels are named, and are half

@@ -3,12 +3,15 @@
 mod channels;
 mod compare;
 mod convolve;
+#[cfg(feature = "exr")]
 mod exr;
+#[cfg(feature = "exr")]
 mod exr_part;
 mod flip;
 mod format;
 mod label;
 mod pixel_hash;
+#[cfg(feature = "png")]
 mod png;
 mod pnm;
 mod rest;
@@ -18,12 +21,14 @@ mod temporary;
 mod texture;
 mod write;
 
-pub use self::png::Compression;
+#[cfg(feature = "png")]
 pub(crate) use self::png::png_texts;
 pub use channels::{channel_names, layer_channel_names};
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
-pub use format::{Capabilities, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode};
+pub use format::{
+    Capabilities, Compression, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode,
+};
 pub use label::{CHARACTER_WIDTH, Canvas, LINE_HEIGHT, text_width};
 pub use rest::{ChannelDifference, RestDifference};
 pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
@@ -187,9 +192,9 @@ pub enum PictureError {
     Unfit(String),
 }
 
-/// The names of all formats.
+/// The names of all formats that are read.
 fn readable() -> String {
-    let names: Vec<&str> = PictureFormat::all().map(PictureFormat::name).collect();
+    let names: Vec<&str> = PictureFormat::readable().map(PictureFormat::name).collect();
     word_list(&names, "and")
 }
 

@@ -15,6 +15,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
     decode: decode_pnm,
     size: None,
     encoder: None,
+    off: None,
 };
 
 /// Whether the bytes begin like a PPM or PGM.

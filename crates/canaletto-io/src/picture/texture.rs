@@ -1,21 +1,38 @@
-//! Formats that are read for textures and never written: JPEG, WebP and Radiance HDR.
+//! Formats that are read for textures and never written: JPEG, WebP and Radiance HDR, and formats without their codec.
 
 use super::format::FormatInfo;
 use super::{Channel, Decoded, Image, PictureError, Window};
-use crate::image::{hdr, jpeg, unpack, webp};
-use ::exr::prelude::f16;
+use crate::codec::{self, CodecOff};
+use crate::image::{hdr, unpack};
 use canaletto::scene::Transfer;
-use canaletto::texture::{self, Samples};
+use canaletto::texture::{self, Samples, from_half};
 
 /// JPEG in the table of picture formats.
-pub(super) const JPEG: FormatInfo = read_only("JPEG", "jpg", jpeg::is_jpeg);
+pub(super) const JPEG: FormatInfo =
+    read_only(["JPEG"; 2], "jpg", codec::is_jpeg, off(cfg!(feature = "jpeg"), codec::JPEG));
 /// WebP in the table of picture formats.
-pub(super) const WEBP: FormatInfo = read_only("WebP", "webp", webp::is_webp);
+pub(super) const WEBP: FormatInfo =
+    read_only(["WebP"; 2], "webp", codec::is_webp, off(cfg!(feature = "webp"), codec::WEBP));
 /// Radiance HDR in the table of picture formats.
-pub(super) const HDR: FormatInfo = FormatInfo { names: ["Radiance HDR", "HDR"], ..read_only("", "hdr", hdr::is_hdr) };
+pub(super) const HDR: FormatInfo = read_only(["Radiance HDR", "HDR"], "hdr", hdr::is_hdr, None);
+/// PNG without its codec.
+#[cfg(not(feature = "png"))]
+pub(super) const PNG: FormatInfo = read_only(["PNG"; 2], "png", codec::is_png, Some(codec::PNG));
+/// OpenEXR without its codec.
+#[cfg(not(feature = "exr"))]
+pub(super) const EXR: FormatInfo = read_only(["OpenEXR", "EXR"], "exr", codec::is_exr, Some(codec::EXR));
 
-const fn read_only(name: &'static str, extension: &'static str, recognises: fn(&[u8]) -> bool) -> FormatInfo {
-    FormatInfo { names: [name, name], extension, recognises, decode, size: None, encoder: None }
+const fn off(is_on: bool, codec: CodecOff) -> Option<CodecOff> {
+    if is_on { None } else { Some(codec) }
+}
+
+const fn read_only(
+    names: [&'static str; 2],
+    extension: &'static str,
+    recognises: fn(&[u8]) -> bool,
+    off: Option<CodecOff>,
+) -> FormatInfo {
+    FormatInfo { names, extension, recognises, decode, size: None, encoder: None, off }
 }
 
 fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
@@ -33,7 +50,7 @@ pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
     let channel = |first: usize| match samples {
         Samples::U8(data) => each(data, first, names.len(), |v| f32::from(v) / 255.0),
         Samples::U16(data) => each(data, first, names.len(), |v| f32::from(v) / 65535.0),
-        Samples::F16(data) => each(data, first, names.len(), |v| f16::from_bits(v).to_f32()),
+        Samples::F16(data) => each(data, first, names.len(), from_half),
         Samples::F32(data) => each(data, first, names.len(), |v| v),
     };
     names.iter().enumerate().map(|(i, name)| Channel::new(*name, channel(i))).collect()

@@ -60,6 +60,18 @@ pub fn read_scene_with(name: &str, assets: &dyn Assets, set: &[String]) -> Resul
 /// Reads the scene of a text; `name` is its display name. Files that it names are read relative to the root of
 /// `assets`.
 ///
+/// ```
+/// use canaletto_io::assets::MemoryAssets;
+/// use canaletto_io::text::read_scene_text;
+///
+/// let text = "sphere { center 0 0 0; radius 1 }\nlight \"omni\" { position 5 5 5 }";
+/// let (scene, warnings) = read_scene_text(text, "ball.kdl", &MemoryAssets::new(), &[])?;
+/// assert_eq!(scene.nodes.len(), 2);
+/// let mistakes = read_scene_text("spere { radius 1 }", "ball.kdl", &MemoryAssets::new(), &[]).unwrap_err();
+/// assert!(mistakes.to_string().contains("did you mean sphere?"));
+/// # Ok::<(), canaletto_io::diagnostic::Diagnostics>(())
+/// ```
+///
 /// # Errors
 /// Every mistake in the text and in the files that it names.
 pub fn read_scene_text(

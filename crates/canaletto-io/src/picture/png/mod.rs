@@ -2,10 +2,11 @@
 
 mod bands;
 
-use super::format::{Capabilities, EncodeSettings, Encoder as PictureEncoder, FormatInfo};
+use super::format::{Capabilities, Compression, EncodeSettings, Encoder as PictureEncoder, FormatInfo};
 use super::texture::named;
 use super::{Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
-use crate::image::png::{Unpacked, is_png, size, unpack};
+use crate::codec::is_png;
+use crate::image::png::{Unpacked, size, unpack};
 use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
 use bands::Shape;
@@ -42,6 +43,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
         stored_bits: |settings, _| PngSettings::from(settings).depth.bits(),
         write_rows: None,
     }),
+    off: None,
 };
 
 /// The number of bits of each value.
@@ -80,19 +82,6 @@ impl Depth {
     }
 }
 
-/// The effort of compression. The pixels don't depend on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Compression {
-    /// A tenth to twice as large as by default, in a fifth of the time.
-    Fast,
-    /// The size of zlib's level 6.
-    #[default]
-    Default,
-    /// Smaller than by default by some hundredths, in three times the time.
-    Best,
-}
-
 impl Compression {
     /// The deflate level.
     fn level(self) -> u32 {
@@ -100,15 +89,6 @@ impl Compression {
             Compression::Fast => 1,
             Compression::Default => 6,
             Compression::Best => 9,
-        }
-    }
-
-    /// The compression setting of the `png` crate, for films.
-    pub(crate) fn of_frames(self) -> ::png::Compression {
-        match self {
-            Compression::Fast => ::png::Compression::Fast,
-            Compression::Default => ::png::Compression::Balanced,
-            Compression::Best => ::png::Compression::High,
         }
     }
 }
