@@ -16,6 +16,19 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use lens::PreparedLens;
 
 /// A camera ready to make rays (box 5.2).
+///
+/// ```
+/// use canaletto::camera::Camera;
+/// use canaletto::glam::{DVec2, DVec3};
+/// use canaletto::scene::{Extrinsics, Intrinsics};
+///
+/// let intrinsics = Intrinsics { fovy: 45.0, width: 320, height: 180, ..Intrinsics::default() };
+/// let extrinsics = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, ..Extrinsics::default() };
+/// let camera = Camera::new(&intrinsics, &extrinsics)?;
+/// // What it looks at lies in the middle of the picture.
+/// assert_eq!(camera.project(DVec3::ZERO), Some(DVec2::new(160.0, 90.0)));
+/// # Ok::<(), canaletto::camera::CameraError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     eye: DVec3,

@@ -100,6 +100,28 @@ const MAX_RAYS: u64 = 1 << 20;
 
 /// Explains the pixel in column `x` and row `y`, both from the top left of the whole picture (not of the crop window).
 ///
+/// ```
+/// use canaletto::explain::explain;
+/// use canaletto::render::{Job, render};
+/// use canaletto::world::World;
+/// # use canaletto::camera::Camera;
+/// # use canaletto::glam::{DVec3, Vec3};
+/// # use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
+/// # use canaletto::shape::{Shape, Sphere};
+/// # let ball = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+/// # let scene = Scene { nodes: vec![Node::from(ball)], ..Scene::default() };
+/// # let intrinsics = Intrinsics { width: 32, height: 18, ..Intrinsics::default() };
+/// # let extrinsics = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, ..Extrinsics::default() };
+/// # let camera = Camera::new(&intrinsics, &extrinsics)?;
+/// let job = Job::new(camera, FilmSettings::default(), WhittedSettings::default());
+/// let world = World::build(scene)?;
+/// let tree = explain(&world, &job, 16, 9)?;
+/// // The sum of the tree is the pixel, bit for bit.
+/// assert_eq!(tree.sum(), render(&world, &job, &())?.picture.pixel(16, 9));
+/// println!("{tree}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`ExplainError`] if the pixel is outside the picture, has too many rays, or the job has an error.
 pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {

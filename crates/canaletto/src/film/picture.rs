@@ -4,6 +4,18 @@ use crate::math::Rgb;
 use canaletto_bvh::memory;
 
 /// Linear pixels in rows from the top left, with layers of other quantities.
+///
+/// ```
+/// use canaletto::film::{Picture, develop};
+/// use canaletto::math::Rgb;
+/// use canaletto::scene::Developing;
+///
+/// let mut picture = Picture::new(2, 1);
+/// picture.pixels[1] = Rgb::new(4.0, 0.5, 0.0);
+/// assert_eq!(picture.pixel(1, 0).r, 4.0);
+/// // What a screen shows lies in [0, 1].
+/// assert!(develop(&picture, &Developing::default())[1].r <= 1.0);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Width in pixels.

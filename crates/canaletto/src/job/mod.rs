@@ -14,6 +14,18 @@ use canaletto_bvh::NoThreads;
 use glam::DVec3;
 
 /// Everything that a picture depends on besides the world.
+///
+/// ```
+/// use canaletto::camera::Camera;
+/// use canaletto::render::Job;
+/// use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, PathSettings, Sampling};
+///
+/// let camera = Camera::new(&Intrinsics::default(), &Extrinsics::default())?;
+/// let film = FilmSettings { sampling: Sampling::Sampled(16), ..FilmSettings::default() };
+/// let job = Job { seed: 7, ..Job::new(camera, film, PathSettings::default()) };
+/// job.check()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// The camera.

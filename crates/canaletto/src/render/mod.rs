@@ -50,6 +50,25 @@ pub struct Rendering {
 /// with larger stacks. The result depends only on world and job: any number of threads and any tile size give equal
 /// bytes.
 ///
+/// ```
+/// use canaletto::render::{Job, render};
+/// use canaletto::world::World;
+/// # use canaletto::camera::Camera;
+/// # use canaletto::glam::{DVec3, Vec3};
+/// # use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
+/// # use canaletto::shape::{Shape, Sphere};
+/// # let ball = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+/// # let scene = Scene { nodes: vec![Node::from(ball)], ..Scene::default() };
+/// # let intrinsics = Intrinsics { width: 32, height: 18, ..Intrinsics::default() };
+/// # let extrinsics = Extrinsics { eye: DVec3::Z * 5.0, center: DVec3::ZERO, ..Extrinsics::default() };
+/// # let camera = Camera::new(&intrinsics, &extrinsics)?;
+/// let job = Job::new(camera, FilmSettings::default(), WhittedSettings::default());
+/// let rendering = render(&World::build(scene)?, &job, &())?;
+/// assert!(rendering.complete);
+/// assert_eq!(rendering.picture.pixels.len(), 32 * 18);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Panics
 /// If the observer panics in one thread. The other threads then end soon, and the panic is passed on to the caller.
 ///

@@ -33,6 +33,19 @@ use serde::{Deserialize, Serialize};
 
 /// A whole scene. Indices of materials, textures, images, meshes, clouds and prototypes are positions in the lists
 /// below.
+///
+/// ```
+/// use canaletto::glam::Vec3;
+/// use canaletto::light::{Light, LightKind, Omni};
+/// use canaletto::math::Rgb;
+/// use canaletto::scene::{Node, Scene};
+/// use canaletto::shape::{Shape, Sphere};
+///
+/// let ball = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+/// let lamp = Light::new(LightKind::Omni(Omni::at(Vec3::splat(5.0))), Rgb::gray(0.8));
+/// let nodes = vec![Node::from(ball).named("ball"), Node::from(lamp)];
+/// let scene = Scene { background: Rgb::gray(0.2), nodes, ..Scene::default() };
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The colour of rays that hit nothing, where there is no environment.

@@ -87,6 +87,20 @@ use std::ops::Range;
 use zones::Zones;
 
 /// A scene ready to be traced. Its coordinates are relative to [`World::origin`].
+///
+/// ```
+/// use canaletto::Ray;
+/// use canaletto::glam::Vec3;
+/// use canaletto::scene::{Node, Scene};
+/// use canaletto::shape::{Shape, Sphere};
+/// use canaletto::world::World;
+///
+/// let ball = Shape::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 });
+/// let world = World::build(Scene { nodes: vec![Node::from(ball).named("ball")], ..Scene::default() })?;
+/// let hit = world.intersect(&Ray::new(Vec3::Z * 5.0, -Vec3::Z), f32::INFINITY);
+/// assert_eq!(hit.map(|hit| hit.t), Some(4.0));
+/// # Ok::<(), canaletto::world::BuildError>(())
+/// ```
 #[derive(Debug)]
 pub struct World {
     /// The colour of rays without a hit, if there is no environment.

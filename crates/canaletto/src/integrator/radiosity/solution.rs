@@ -116,6 +116,26 @@ pub(super) struct SolvedElement {
 pub(super) type RootPlace = (u32, u32, bool, u32, u32);
 
 /// The balance of diffuse light in a world.
+///
+/// ```
+/// use canaletto::glam::Vec3;
+/// use canaletto::integrator::radiosity::RadiositySolution;
+/// use canaletto::material::{Material, Phong};
+/// use canaletto::math::Rgb;
+/// use canaletto::scene::{Node, RadiositySettings, Scene};
+/// use canaletto::shape::{Cuboid, Shape};
+/// use canaletto::world::World;
+///
+/// // A closed room whose walls shine, and reflect half of the light. All light in it is twice what they emit.
+/// let walls = Phong { kd: Rgb::gray(0.5), emission: Rgb::gray(1.0), ..Phong::default() };
+/// let room = Shape::Box(Cuboid { min: Vec3::ZERO, max: Vec3::ONE });
+/// let nodes = vec![Node::from(room).with_material(0)];
+/// let world = World::build(Scene { materials: vec![Material::new("walls", walls)], nodes, ..Scene::default() })?;
+/// let solution = RadiositySolution::solve(&world, &RadiositySettings::DEFAULT, &())?;
+/// let inner = solution.patches().iter().filter(|patch| !patch.is_outer);
+/// assert!(inner.clone().all(|patch| (patch.radiance().x - 2.0).abs() < 0.01));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct RadiositySolution {
     pub(super) patches: Vec<Patch>,
