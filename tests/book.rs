@@ -11,7 +11,7 @@ fn pages() -> Vec<(PathBuf, String)> {
         ["docs", "docs/design", "docs/pt", "tests"].map(|folder| std::fs::read_dir(root().join(folder)).unwrap());
     let files = folders.into_iter().flatten().map(|entry| entry.unwrap().path());
     let mut pages: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "md")).collect();
-    pages.extend([root().join("README.md"), root().join("ARCHITECTURE.md")]);
+    pages.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "fuzz/README.md"].map(|page| root().join(page)));
     pages.into_iter().map(|path| (path.clone(), std::fs::read_to_string(&path).unwrap())).collect()
 }
 
