@@ -1,47 +1,18 @@
 //! Pictures without a background: their alpha in PNG, EXR and animated PNG, against composites with the background.
 
+mod support;
+
 use canaletto::film::srgb_encode;
 use canaletto::texture::srgb_decode;
-use canaletto_io::picture::{Decoded, decode};
+use canaletto_io::picture::Decoded;
 use std::fs;
-use std::path::PathBuf;
-use std::process::Command;
+use support::Folder;
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new(scene: &str) -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        fs::write(folder.path("s.kdl"), scene).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    /// Runs a command and expects an exit code and words on stdout or stderr.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        let output = command.args(arguments.split_whitespace()).current_dir(self.0.path()).output().unwrap();
-        let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert_eq!(output.status.code(), Some(code), "{arguments}: {said}");
-        words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
-        said
-    }
-
-    #[track_caller]
-    fn picture(&self, name: &str) -> Decoded {
-        decode(&fs::read(self.path(name)).unwrap()).unwrap()
-    }
-
-    /// Renders the scene with flags.
-    #[track_caller]
-    fn render(&self, flags: &str, name: &str) -> Decoded {
-        self.says(&format!("render s.kdl -q -o {name} {flags}"), 0, &[]);
-        self.picture(name)
-    }
+/// Renders the scene with flags.
+#[track_caller]
+fn render(folder: &Folder, flags: &str, name: &str) -> Decoded {
+    folder.says(&format!("render s.kdl -q -o {name} {flags}"), 0, &[]);
+    folder.picture(name)
 }
 
 /// Red, green, blue and alpha of each pixel.
@@ -89,13 +60,13 @@ fn composites_are_pictures_with_that_background() {
         (&emitting, "--integrator path --samples 6"),
         (&emitting, "--integrator path --samples 4 --pattern jittered"),
     ] {
-        let folder = Folder::new(scene);
-        let seen = rgba(&folder.render(&format!("{flags} --background none"), "a.exr"));
+        let folder = Folder::new("s.kdl", scene);
+        let seen = rgba(&render(&folder, &format!("{flags} --background none"), "a.exr"));
         let over = |color: [f32; 3]| {
             let [r, g, b] = color;
             let text = format!("{scene}background {r} {g} {b}\n");
             fs::write(folder.path("s.kdl"), text).unwrap();
-            let picture = folder.render(flags, "b.exr");
+            let picture = render(&folder, flags, "b.exr");
             assert!(picture.image.channel("A").is_none());
             rgb(&picture)
         };
@@ -134,8 +105,8 @@ material "black" { kd 0 }
 sphere material="black" { center 0 0 0; radius 1.2 }
 light "omni" { position 5 8 9 }
 "#;
-    let folder = Folder::new(ball);
-    let seen = rgba(&folder.render("--background none", "a.exr"));
+    let folder = Folder::new("s.kdl", ball);
+    let seen = rgba(&render(&folder, "--background none", "a.exr"));
     let edges: Vec<f32> = seen.iter().map(|p| p[3]).filter(|a| *a > 0.0 && *a < 1.0).collect();
     assert!(edges.iter().any(|a| (a * 16.0).fract() == 0.0 && (a * 8.0).fract() != 0.0), "{edges:?}");
     // The area of the disk: 2.4 of the picture's 10 tan 10° · 2 across.
@@ -183,13 +154,13 @@ fn alpha_is_what_a_ray_meets() {
         ("zbuffer", "kd 0.5", cube, 1.0),
         ("radiosity", "kd 0.5", cube, 1.0),
     ] {
-        let folder = Folder::new(&scene(integrator, &format!("material \"m\" {{ {material} }}\n{body}")));
-        let [.., a] = rgba(&folder.render("--background none", "a.exr"))[0];
+        let folder = Folder::new("s.kdl", &scene(integrator, &format!("material \"m\" {{ {material} }}\n{body}")));
+        let [.., a] = rgba(&render(&folder, "--background none", "a.exr"))[0];
         assert!((a - alpha).abs() < 2e-3, "{integrator}, {material}: {a} for {alpha}");
         // A body without holes shows and reflects the background as it does in the whole picture.
         if alpha == 1.0 {
             let [hidden, shown] =
-                ["none", "scene"].map(|which| rgb(&folder.render(&format!("--background {which}"), "b.exr"))[0]);
+                ["none", "scene"].map(|which| rgb(&render(&folder, &format!("--background {which}"), "b.exr"))[0]);
             assert_eq!(hidden, shown, "{integrator}, {material}");
         }
     }
@@ -199,11 +170,11 @@ fn alpha_is_what_a_ray_meets() {
 /// is the picture with that background, to the rounding of its levels, so that edges have no fringes.
 #[test]
 fn a_png_has_straight_alpha() {
-    let folder = Folder::new(SCENE);
+    let folder = Folder::new("s.kdl", SCENE);
     let flags = "--samples 16 --background none";
-    let linear = rgba(&folder.render(flags, "a.exr"));
+    let linear = rgba(&render(&folder, flags, "a.exr"));
     for (bits, most) in [(8, 255.0), (16, 65535.0f32)] {
-        let shown = folder.render(&format!("{flags} --bits {bits}"), "a.png");
+        let shown = render(&folder, &format!("{flags} --bits {bits}"), "a.png");
         for (i, (shown, [r, g, b, a])) in rgba(&shown).into_iter().zip(&linear).enumerate() {
             let expected = [r, g, b].map(|v| if *a > 0.0 { srgb_encode((v / a).clamp(0.0, 1.0)) } else { 0.0 });
             for (own, expected) in shown.into_iter().zip(expected.into_iter().chain([*a])) {
@@ -217,8 +188,8 @@ fn a_png_has_straight_alpha() {
     }
     // A curve develops the colour of the covered part.
     let flags = "--samples 16 --tone agx --exposure 1";
-    let shown = rgba(&folder.render(&format!("{flags} --background none"), "a.png"));
-    let whole = rgb(&folder.render(flags, "b.png"));
+    let shown = rgba(&render(&folder, &format!("{flags} --background none"), "a.png"));
+    let whole = rgb(&render(&folder, flags, "b.png"));
     let covered = shown.iter().zip(&whole).filter(|(own, _)| own[3] == 1.0);
     assert!(covered.clone().count() > 60);
     covered.for_each(|(own, whole)| assert_eq!(own[..3], whole[..]));
@@ -227,26 +198,26 @@ fn a_png_has_straight_alpha() {
 /// The scene, `--set` and the command line say the same. Files tell of it, and are read with their alpha.
 #[test]
 fn files_with_alpha_are_read_rightly() {
-    let folder = Folder::new(SCENE);
-    let flag = folder.render("--samples 4 --background none", "flag.png").image;
-    assert!(folder.render("--samples 4 --set film.alpha=#true", "set.png").image == flag);
+    let folder = Folder::new("s.kdl", SCENE);
+    let flag = render(&folder, "--samples 4 --background none", "flag.png").image;
+    assert!(render(&folder, "--samples 4 --set film.alpha=#true", "set.png").image == flag);
     folder.says("info flag.png", 0, &["R, G, B, A", "alpha           true", "--background none"]);
     fs::write(folder.path("s.kdl"), format!("film {{ alpha #true }}\n{SCENE}")).unwrap();
-    assert!(folder.render("--samples 4", "text.png").image == flag);
-    let shown = folder.render("--samples 4 --background scene", "scene.png").image;
+    assert!(render(&folder, "--samples 4", "text.png").image == flag);
+    let shown = render(&folder, "--samples 4 --background scene", "scene.png").image;
     assert!(shown.channel("A").is_none());
     // An EXR is multiplied by alpha, a PNG isn't. Both are one picture.
-    folder.render("--samples 4", "a.exr");
+    render(&folder, "--samples 4", "a.exr");
     folder.says("compare a.exr text.png", 0, &["the pictures are equal"]);
     folder.says("compare text.png a.exr --linear --threshold max=0.005", 0, &[]);
     folder.says("compare text.png scene.png", 0, &["alpha differs"]);
-    let half = folder.render("--samples 4 --bits 16", "half.exr");
+    let half = render(&folder, "--samples 4 --bits 16", "half.exr");
     assert_eq!(half.bits, 16);
     for ([.., a], [.., b]) in rgba(&half).into_iter().zip(rgba(&folder.picture("a.exr"))) {
         assert!((a - b).abs() < 5e-4, "{a} {b}");
     }
     // Films, layers, previews, parts.
-    let part = rgba(&folder.render("--samples 4 --crop 10,4,20,12", "part.png"));
+    let part = rgba(&render(&folder, "--samples 4 --crop 10,4,20,12", "part.png"));
     let whole = rgba(&folder.picture("text.png"));
     assert!((0..240).all(|i| part[i] == whole[(i / 20 + 4) * 40 + i % 20 + 10]));
     folder.says("render s.kdl --samples 4 --frames 1-2 -o film.apng", 0, &[]);
@@ -262,17 +233,19 @@ fn files_with_alpha_are_read_rightly() {
 /// Pictures by paths that grow have the alpha of all their samples; denoising keeps it.
 #[test]
 fn alpha_goes_on_and_is_denoised() {
-    let folder =
-        Folder::new(&format!("film {{ alpha #true }}\nintegrator \"path\" {{ max-depth 3 }}\n{SCENE}background 0.4\n"));
-    folder.render("--samples 6 --threads 1", "begun.exr");
-    let whole = folder.render("--samples 11 --tile 7", "whole.exr").image;
-    assert!(folder.render("--samples 11 --continue begun.exr", "on.exr").image == whole);
-    let png = folder.render("--samples 11", "a.png").image;
-    assert!(folder.render("--samples 11 --continue begun.exr", "b.png").image == png);
+    let folder = Folder::new(
+        "s.kdl",
+        &format!("film {{ alpha #true }}\nintegrator \"path\" {{ max-depth 3 }}\n{SCENE}background 0.4\n"),
+    );
+    render(&folder, "--samples 6 --threads 1", "begun.exr");
+    let whole = render(&folder, "--samples 11 --tile 7", "whole.exr").image;
+    assert!(render(&folder, "--samples 11 --continue begun.exr", "on.exr").image == whole);
+    let png = render(&folder, "--samples 11", "a.png").image;
+    assert!(render(&folder, "--samples 11 --continue begun.exr", "b.png").image == png);
     folder.says("render s.kdl -o no.exr --continue begun.exr --background scene", 3, &["its alpha is true, not none"]);
     let alpha = rgba(&folder.picture("whole.exr")).iter().map(|p| p[3]).collect::<Vec<f32>>();
-    let denoised = rgba(&folder.render("--samples 8 --denoise", "clean.exr"));
-    let plain = rgba(&folder.render("--samples 8", "noisy.exr"));
+    let denoised = rgba(&render(&folder, "--samples 8 --denoise", "clean.exr"));
+    let plain = rgba(&render(&folder, "--samples 8", "noisy.exr"));
     for (own, plain) in denoised.iter().zip(&plain) {
         assert_eq!(own[3], plain[3]);
         assert!(plain[3] > 0.0 || own[..3] == [0.0; 3], "{own:?}");
@@ -292,10 +265,10 @@ fn explanations_tell_alpha() {
         ("path", [[6, 8], [0, 0], [27, 10]]),
         ("zbuffer", [[6, 8], [0, 0], [27, 10]]),
     ] {
-        let folder = Folder::new(SCENE);
+        let folder = Folder::new("s.kdl", SCENE);
         let flags =
             format!("--integrator {integrator} --samples 4 --background none --tone pbr-neutral --exposure 0.5");
-        let shown = rgba(&folder.render(&flags, "a.png"));
+        let shown = rgba(&render(&folder, &flags, "a.png"));
         for [x, y] in pixels {
             let [r, g, b, a] = shown[y * 40 + x].map(|v| (v * 255.0).round());
             let said = folder.says(

@@ -1,11 +1,14 @@
 //! What authors of scenes use while they work: settings without editing, several scenes in one call.
 
-use canaletto_io::picture::{Decoded, decode};
+mod support;
+
+use canaletto_io::picture::decode;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use support::{CANALETTO, Folder, says};
 
 const SCENE: &str = r#"
 camera { eye 0 2 6; center 0 0 0; fovy 40; size 24 16 }
@@ -17,53 +20,17 @@ light "omni" { position 3 5 4; intensity 0.8 0.8 0.8 }
 
 const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n";
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        folder.write("s.kdl", SCENE);
-        folder.write("a.obj", OBJ);
-        folder.write("a.mtl", "newmtl red\nKd 1 0 0\n");
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        fs::write(self.path(name), text).unwrap();
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path());
-        command
-    }
-
-    /// Runs a command and expects an exit code and words on stdout or stderr.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
-        said(&self.command(arguments).output().unwrap(), code, words)
-    }
-
-    fn picture(&self, name: &str) -> Decoded {
-        decode(&fs::read(self.path(name)).unwrap()).unwrap()
-    }
-
-    fn size(&self, name: &str) -> (u32, u32) {
-        let image = self.picture(name).image;
-        (image.width, image.height)
-    }
+/// A folder with a scene and a model.
+fn folder() -> Folder {
+    let folder = Folder::new("s.kdl", SCENE);
+    folder.write("a.obj", OBJ);
+    folder.write("a.mtl", "newmtl red\nKd 1 0 0\n");
+    folder
 }
 
-#[track_caller]
-fn said(output: &Output, code: i32, words: &[&str]) -> String {
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
-    said
+fn size(folder: &Folder, name: &str) -> (u32, u32) {
+    let image = folder.picture(name).image;
+    (image.width, image.height)
 }
 
 /// A box whose last side is missing holds no medium, which explains a picture without it.
@@ -71,29 +38,29 @@ fn said(output: &Output, code: i32, words: &[&str]) -> String {
 fn meshes_that_should_hold_a_medium_are_told_of_if_they_are_open() {
     const BOX: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
         f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n";
-    let folder = Folder::new();
+    let folder = folder();
     folder.write("open.obj", BOX);
-    folder.write("closed.obj", &format!("{BOX}f 4 1 5 8\n"));
+    folder.write("closed.obj", format!("{BOX}f 4 1 5 8\n"));
     let scene = |file: &str| {
         format!(
             "{SCENE}material \"ale\" {{ dielectric 1.33; absorption 1 2 3 }}\nintegrator \"path\"\n\
              mesh file=\"{file}\" material=\"ale\" name=\"cup\"\n"
         )
     };
-    folder.write("cup.kdl", &scene("open.obj"));
+    folder.write("cup.kdl", scene("open.obj"));
     let words = ["\"cup\" has 4 open edges", "\"ale\" is missing there", "help: an open edge", "ok, 1 warning"];
     folder.says("check cup.kdl", 0, &words);
-    folder.write("cup.kdl", &scene("closed.obj"));
+    folder.write("cup.kdl", scene("closed.obj"));
     folder.says("check cup.kdl", 0, &["cup.kdl: ok\n"]);
 }
 
 #[test]
 fn an_integrator_is_chosen_before_its_settings() {
-    let folder = Folder::new();
+    let folder = folder();
     let run = |arguments: &str| folder.says(&format!("render {arguments} -q"), 0, &[]);
     run("s.kdl -o flag.png --integrator zbuffer --set integrator.shadows=none");
     run("s.kdl -o set.png --set integrator.shadows=none --set integrator=zbuffer");
-    folder.write("own.kdl", &format!("{SCENE}integrator \"zbuffer\" {{ shadows \"none\" }}\n"));
+    folder.write("own.kdl", format!("{SCENE}integrator \"zbuffer\" {{ shadows \"none\" }}\n"));
     run("own.kdl -o own.png");
     let own = folder.picture("own.png");
     for name in ["flag.png", "set.png"] {
@@ -108,12 +75,12 @@ fn an_integrator_is_chosen_before_its_settings() {
 
 #[test]
 fn models_have_settings_like_scenes() {
-    let folder = Folder::new();
+    let folder = folder();
     let set = "--set camera.size=20,10 --set material.red.kd=0,0,1 --set light.key.points=1 --set background=0,0,0";
     let mut command = folder.command("render a.obj -q");
     command.args(set.split(' ').map(|word| word.replace(',', " ")));
-    said(&command.output().unwrap(), 0, &[]);
-    assert_eq!(folder.size("a.png"), (20, 10));
+    says(&command.output().unwrap(), 0, &[]);
+    assert_eq!(size(&folder, "a.png"), (20, 10));
     let colors = folder.picture("a.png").image.rgb().unwrap().map(|channel| channel[5 * 20 + 10]);
     assert!(colors[2] > 0.3 && colors[0] < 0.1, "the square is blue, not red: {colors:?}");
     folder.says("info a.obj --set light.key.intensity=2", 0, &["intensity (2, 2, 2)"]);
@@ -123,17 +90,17 @@ fn models_have_settings_like_scenes() {
 
 #[test]
 fn scenes_are_rendered_in_one_call() {
-    let folder = Folder::new();
+    let folder = folder();
     fs::create_dir(folder.path("out")).unwrap();
-    folder.write("t.kdl", &SCENE.replace("0.8 0.2 0.1", "0.1 0.2 0.8"));
+    folder.write("t.kdl", SCENE.replace("0.8 0.2 0.1", "0.1 0.2 0.8"));
     folder.write("wrong.kdl", "sphre { radius 1 }\n");
     let call = "render s.kdl wrong.kdl t.kdl missing.kdl -q --size 50% -o";
     let errors = folder.says(&format!("{call} out/{{name}}.half.png"), 3, &["wrong.kdl:1:1", "missing.kdl"]);
     assert!(!errors.contains("s.kdl:") && !errors.contains("t.kdl:"), "{errors}");
-    assert_eq!([folder.size("out/s.half.png"), folder.size("out/t.half.png")], [(12, 8); 2]);
+    assert_eq!([size(&folder, "out/s.half.png"), size(&folder, "out/t.half.png")], [(12, 8); 2]);
     folder.says(&format!("{call} one.png"), 2, &["several scenes", "'pictures/{name}.png'"]);
     folder.says("render s.kdl -q -o {name}.2.png", 0, &[]);
-    assert_eq!(folder.size("s.2.png"), (24, 16));
+    assert_eq!(size(&folder, "s.2.png"), (24, 16));
     fs::create_dir(folder.path("sub")).unwrap();
     folder.write("sub/s.kdl", SCENE);
     folder.says("render s.kdl sub/s.kdl -o out", 2, &["two scenes would be rendered to out/s.png"]);
@@ -141,29 +108,29 @@ fn scenes_are_rendered_in_one_call() {
 
 #[test]
 fn a_scene_comes_from_the_standard_input_with_its_files() {
-    let folder = Folder::new();
+    let folder = folder();
     fs::create_dir(folder.path("parts")).unwrap();
     folder.write("parts/ball.kdl", SCENE);
     let run = |text: &str, code: i32, words: &[&str]| {
         let mut command = folder.command("render - -q -o in.png");
         let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
-        said(&child.wait_with_output().unwrap(), code, words)
+        says(&child.wait_with_output().unwrap(), code, words)
     };
     run("include \"parts/ball.kdl\"\n", 0, &[]);
-    assert_eq!(folder.size("in.png"), (24, 16));
+    assert_eq!(size(&folder, "in.png"), (24, 16));
     run("include \"../s.kdl\"\n", 3, &["<stdin>:1:9", "outside"]);
     run("sphre\n", 3, &["<stdin>:1:1", "sphere"]);
 }
 
 #[test]
 fn sizes_in_percent_scale_the_window() {
-    let folder = Folder::new();
-    folder.write("c.kdl", &format!("{SCENE}film {{ crop 4 4 12 8 }}\n"));
+    let folder = folder();
+    folder.write("c.kdl", format!("{SCENE}film {{ crop 4 4 12 8 }}\n"));
     folder.says("render c.kdl -q --size 50%", 0, &[]);
-    assert_eq!(folder.size("c.png"), (6, 4));
+    assert_eq!(size(&folder, "c.png"), (6, 4));
     folder.says("render c.kdl -q --size 50% --crop 0,0,12,8", 0, &[]);
-    assert_eq!(folder.size("c.png"), (12, 8));
+    assert_eq!(size(&folder, "c.png"), (12, 8));
     folder.says("render s.kdl --size 0%", 2, &["more than 0"]);
     folder.says("render s.kdl --size 99999999%", 2, &["the most are"]);
 }
@@ -171,7 +138,7 @@ fn sizes_in_percent_scale_the_window() {
 /// Scripts that use the former name of `--pattern` go on.
 #[test]
 fn former_names_are_understood() {
-    let folder = Folder::new();
+    let folder = folder();
     folder.says("render s.kdl -q --sample jittered --samples 4 -o old.png", 0, &[]);
     folder.says("render s.kdl -q --pattern jittered --samples 4 -o new.png", 0, &[]);
     assert!(fs::read(folder.path("old.png")).unwrap() == fs::read(folder.path("new.png")).unwrap());
@@ -182,10 +149,10 @@ fn former_names_are_understood() {
 /// What `info` says of a picture makes equal bytes, whatever its settings are.
 #[test]
 fn a_picture_tells_how_it_is_made_again() {
-    let folder = Folder::new();
+    let folder = folder();
     folder.write("name with $.kdl", SCENE);
-    folder.write("moves.kdl", &SCENE.replace("radius 1 }", "radius 1; translate { key 0  0 0 0; key 2  2 0 0 } }"));
-    let bin = PathBuf::from(env!("CARGO_BIN_EXE_canaletto"));
+    folder.write("moves.kdl", SCENE.replace("radius 1 }", "radius 1; translate { key 0  0 0 0; key 2  2 0 0 } }"));
+    let bin = PathBuf::from(CANALETTO);
     let path = std::env::join_paths([bin.parent().unwrap().to_owned(), "/usr/bin".into(), "/bin".into()]).unwrap();
     for (scene, flags) in [
         ("s.kdl", "-o s.png"),
@@ -199,17 +166,17 @@ fn a_picture_tells_how_it_is_made_again() {
         ("moves.kdl", "-o film.png --format apng --frames 0-2"),
     ] {
         let mut command = folder.command("render -q");
-        said(&command.arg(scene).args(flags.split(' ').map(|f| f.replace('|', " "))).output().unwrap(), 0, &[]);
+        says(&command.arg(scene).args(flags.split(' ').map(|f| f.replace('|', " "))).output().unwrap(), 0, &[]);
         let name = flags.split(' ').nth(1).unwrap().replace("####", "0002");
         for name in [name.clone(), name.replace("layers.png", "layers.depth.png")] {
             let before = fs::read(folder.path(&name)).unwrap();
             let told = folder.command("info").arg(&name).output().unwrap();
-            let told = said(&told, 0, &["settings", "Canaletto", "the command that makes it again:"]);
+            let told = says(&told, 0, &["settings", "Canaletto", "the command that makes it again:"]);
             let again = told.lines().find(|line| line.starts_with("  canaletto render")).unwrap();
             fs::remove_file(folder.path(&name)).unwrap();
             let mut shell = Command::new("/bin/sh");
-            let shell = shell.args(["-c", &format!("{again} -q")]).current_dir(folder.0.path()).env("PATH", &path);
-            said(&shell.output().unwrap(), 0, &[]);
+            let shell = shell.args(["-c", &format!("{again} -q")]).current_dir(folder.path("")).env("PATH", &path);
+            says(&shell.output().unwrap(), 0, &[]);
             assert!(fs::read(folder.path(&name)).unwrap() == before, "{again}");
         }
     }
@@ -226,13 +193,13 @@ fn a_picture_tells_how_it_is_made_again() {
 /// Pictures of students come as PPM or JPEG.
 #[test]
 fn pictures_of_other_programs_are_compared() {
-    let folder = Folder::new();
+    let folder = folder();
     folder.says("render s.kdl -q", 0, &[]);
     let pixels = folder.picture("s.png").image;
     let bytes: Vec<[u8; 3]> =
         (0..24 * 16).map(|i| pixels.rgb().unwrap().map(|c| (c[i] * 255.0).round() as u8)).collect();
     let text = bytes.iter().map(|p| format!("{} {} {}\n", p[0], p[1], p[2])).collect::<String>();
-    folder.write("s.ppm", &format!("P3\n# made by hand\n24 16 255\n{text}"));
+    folder.write("s.ppm", format!("P3\n# made by hand\n24 16 255\n{text}"));
     folder.says("compare s.png s.ppm", 0, &["the pictures are equal"]);
     fs::write(folder.path("binary.ppm"), [b"P6 24 16 255\n", bytes.as_flattened()].concat()).unwrap();
     folder.says("compare binary.ppm s.ppm", 0, &["the pictures are equal"]);
@@ -243,7 +210,7 @@ fn pictures_of_other_programs_are_compared() {
 
 #[test]
 fn a_preview_becomes_the_picture() {
-    let folder = Folder::new();
+    let folder = folder();
     let events = folder.says("render s.kdl --preview --samples 4 --progress json -o p.png", 0, &[]);
     let events: Vec<serde_json::Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let blocks: Vec<i64> = events.iter().filter_map(|event| event["block"].as_i64()).collect();
@@ -254,7 +221,7 @@ fn a_preview_becomes_the_picture() {
     // A window has previews of the window, also of an EXR and by radiosity.
     folder.says("render s.kdl --preview -q --crop 3,2,5,6 -o c.exr", 0, &[]);
     folder.says("render s.kdl --preview -q --integrator radiosity --aov depth -o r.png", 0, &[]);
-    assert_eq!(folder.size("c.exr"), (5, 6));
+    assert_eq!(size(&folder, "c.exr"), (5, 6));
     folder.says("render s.kdl --preview --no-clobber", 2, &["--no-clobber"]);
     folder.says("render s.kdl --preview -o -", 2, &["--preview", "one picture"]);
     folder.says("render s.kdl --preview --frames 1-2 -o a.##.png", 2, &["--preview: it is for one frame"]);
@@ -264,7 +231,7 @@ fn a_preview_becomes_the_picture() {
 #[cfg(unix)]
 #[test]
 fn a_preview_comes_early() {
-    let folder = Folder::new();
+    let folder = folder();
     let mut child = folder.command("render s.kdl --preview -q --size 1600x1000 --samples 65536").spawn().unwrap();
     let start = Instant::now();
     let is_there = || fs::read(folder.path("s.png")).is_ok_and(|bytes| decode(&bytes).is_ok());
@@ -293,7 +260,7 @@ fn interrupt(child: &Child) {
 #[test]
 fn a_watch_renders_again() {
     use std::io::{BufRead, BufReader};
-    let folder = Folder::new();
+    let folder = folder();
     folder.write("w.kdl", "include \"part.kdl\"\n");
     folder.write("part.kdl", SCENE);
     let mut command = folder.command("render w.kdl --watch --progress plain");
@@ -311,7 +278,7 @@ fn a_watch_renders_again() {
     };
     until("watching 2 files; Ctrl-C ends");
     let first = folder.picture("w.png").image;
-    folder.write("part.kdl", &SCENE.replace("0.8 0.2 0.1", "0.1 0.8 0.2"));
+    folder.write("part.kdl", SCENE.replace("0.8 0.2 0.1", "0.1 0.8 0.2"));
     until("watching 2 files");
     let second = folder.picture("w.png").image;
     assert!(first != second);
@@ -326,7 +293,7 @@ fn a_watch_renders_again() {
     until("watching 2 files");
     assert!(folder.picture("w.png").image == first);
     // A change stops a long render.
-    folder.write("part.kdl", &format!("{SCENE}film {{ samples 65536 }}\n").replace("24 16", "1600 1000"));
+    folder.write("part.kdl", format!("{SCENE}film {{ samples 65536 }}\n").replace("24 16", "1600 1000"));
     std::thread::sleep(Duration::from_millis(1500));
     folder.write("part.kdl", SCENE);
     let told = until("watching 2 files");

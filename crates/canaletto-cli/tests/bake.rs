@@ -1,10 +1,11 @@
 //! Tests of `canaletto bake`: its files, its messages, and the classic pictures that they are read back into.
 
+mod support;
+
 use canaletto_io::picture::decode;
 use serde_json::Value;
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use support::Folder;
 
 /// A room with a lamp and a block.
 const ROOM: &str = r#"
@@ -19,57 +20,20 @@ box material="lamp" name="lamp" { min -0.3 0.8 -0.3; max 0.3 0.9 0.3 }
 box material="wall" name="block" { min -0.5 -1 -0.5; max 0 -0.4 0 }
 "#;
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        fs::write(folder.path("room.kdl"), ROOM).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path()).output().unwrap()
-    }
-
-    /// Asserts the exit code, and that the output contains these words.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) {
-        let output = self.run(arguments);
-        let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(code), "{said}");
-        words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
-    }
-
-    /// The names of all files except the scene.
-    fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.retain(|name| name != "room.kdl");
-        names.sort();
-        names
-    }
-
-    /// The JSON of a GLB file.
-    fn json(&self, name: &str) -> Value {
-        let bytes = fs::read(self.path(name)).unwrap();
-        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-        serde_json::from_slice(&bytes[20..20 + length]).unwrap()
-    }
+/// The JSON of a GLB file.
+fn json(folder: &Folder, name: &str) -> Value {
+    let bytes = folder.bytes(name);
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&bytes[20..20 + length]).unwrap()
 }
 
 #[test]
 fn files_of_all_formats() {
-    let folder = Folder::new();
+    let folder = Folder::new("room.kdl", ROOM);
     folder.says("bake room.kdl", 0, &["room.glb: ", " patches, ", "light map ", " texels per unit"]);
     assert_eq!(folder.names(), ["room.glb"]);
     let names: Vec<String> =
-        folder.json("room.glb")["nodes"].as_array().unwrap().iter().map(|n| n["name"].to_string()).collect();
+        json(&folder, "room.glb")["nodes"].as_array().unwrap().iter().map(|n| n["name"].to_string()).collect();
     assert_eq!(names, ["\"room\"", "\"lamp\"", "\"block\"", "\"camera\""]);
     let first = fs::read(folder.path("room.glb")).unwrap();
     for threads in ["1", "2", "3"] {
@@ -90,13 +54,13 @@ fn files_of_all_formats() {
     assert_eq!(folder.names(), all);
     let light = decode(&fs::read(folder.path("a.light.exr")).unwrap()).unwrap().image;
     assert_eq!((light.width, light.height), (128, 128));
-    assert_eq!(folder.json("a.glb")["materials"][0]["extras"]["lightMap"]["file"], "a.light.exr");
+    assert_eq!(json(&folder, "a.glb")["materials"][0]["extras"]["lightMap"]["file"], "a.light.exr");
 }
 
 /// The texture of an OBJ in even ambient light is shown as it is. The picture is the one that the solution makes.
 #[test]
 fn an_obj_shows_the_solution() {
-    let folder = Folder::new();
+    let folder = Folder::new("room.kdl", ROOM);
     folder.says("bake room.kdl -o baked.obj -q --size 512", 0, &[]);
     folder.says("render room.kdl -o solution.png -q --size 120x80", 0, &[]);
     let view = ROOM.lines().find(|line| line.starts_with("camera")).unwrap();
@@ -118,7 +82,7 @@ fn an_obj_shows_the_solution() {
 
 #[test]
 fn mistakes_are_named() {
-    let folder = Folder::new();
+    let folder = Folder::new("room.kdl", ROOM);
     folder.says(
         "bake room.kdl -o room.fbx",
         2,
@@ -142,14 +106,14 @@ fn mistakes_are_named() {
 
 #[test]
 fn scenes_without_settings_and_with_planes() {
-    let folder = Folder::new();
+    let folder = Folder::new("room.kdl", ROOM);
     let scene = ROOM.lines().filter(|line| !line.starts_with("integrator") && !line.contains("name=\"room\""));
     let plane = "plane material=\"wall\" name=\"ground\" { point 0 0 -1; normal 0 0 1 }\n";
     let scene: String = scene.map(|line| format!("{line}\n")).chain([plane.into()]).collect();
     fs::write(folder.path("open.kdl"), scene.replace("up 0 1 0", "up 0 0 1")).unwrap();
     folder.says("bake open.kdl --size 256", 0, &["planes have no end"]);
     // z is up: the plane at z = -1 lies at y = -1.
-    let json = folder.json("open.glb");
+    let json = json(&folder, "open.glb");
     let ground = json["meshes"].as_array().unwrap().iter().find(|mesh| mesh["name"] == "ground").unwrap();
     let positions = ground["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize;
     let accessor = &json["accessors"][positions];
@@ -159,7 +123,7 @@ fn scenes_without_settings_and_with_planes() {
 /// A plane outside the bounds of all other surfaces is baked below them. What isn't baked is named.
 #[test]
 fn nothing_is_left_out_in_silence() {
-    let folder = Folder::new();
+    let folder = Folder::new("room.kdl", ROOM);
     let scene = |height: f32| {
         format!(
             "camera {{ eye 0 3 9; center 0 0 0; size 32 24 }}\nintegrator \"radiosity\" {{ error 0.1 }}\n\
@@ -174,7 +138,7 @@ fn nothing_is_left_out_in_silence() {
     let dark = "object \"crate\" isn't in the light map: no light arrives";
     let covered = "object \"core\" isn't in the light map: other bodies cover it";
     folder.says("bake near.kdl", 0, &["planes have no end", dark, covered]);
-    let json = folder.json("near.glb");
+    let json = json(&folder, "near.glb");
     assert!(json["meshes"].as_array().unwrap().iter().any(|mesh| mesh["name"] == "ground"), "{json}");
     fs::write(folder.path("far.kdl"), scene(-1000.0)).unwrap();
     folder.says("bake far.kdl", 0, &["plane \"ground\" gets no light", "a rectangle in its place"]);

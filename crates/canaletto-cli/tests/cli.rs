@@ -1,11 +1,13 @@
 //! Tests of the binary as people and scripts use it: files in, files and exit codes out.
 
+mod support;
+
 use canaletto_io::picture::{Decoded, decode};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
+use support::{Folder, Ran};
 
 /// A ball over a floor, a mirror and glass. They produce every kind of ray.
 const SCENE: &str = r#"
@@ -22,81 +24,10 @@ box material="mirror" { min -3 -1.5 -3; max 3 -1 3 }
 light "omni" { position 3 5 4; intensity 0.8 0.8 0.8 }
 "#;
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    /// A folder that contains the scene as s.kdl.
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        folder.write("s.kdl", SCENE);
-        folder
-    }
-
-    /// A folder whose scene has one ray for each pixel. Adaptive sampling compares developed colours, so that its rays
-    /// depend on the transfer curve and on the background.
-    fn with_one_ray() -> Folder {
-        let folder = Folder::new();
-        folder.write("s.kdl", &format!("film {{ sample \"center\" }}\n{SCENE}"));
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        fs::write(self.path(name), text).unwrap();
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path()).env_remove("NO_COLOR");
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Ran {
-        Ran(self.command(arguments).output().unwrap())
-    }
-
-    /// The names of all files except the scene.
-    fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.retain(|name| name != "s.kdl");
-        names.sort();
-        names
-    }
-
-    fn picture(&self, name: &str) -> Decoded {
-        decode(&fs::read(self.path(name)).unwrap()).unwrap()
-    }
-}
-
-struct Ran(Output);
-
-impl Ran {
-    fn code(&self) -> i32 {
-        self.0.status.code().unwrap()
-    }
-
-    fn out(&self) -> String {
-        String::from_utf8_lossy(&self.0.stdout).into_owned()
-    }
-
-    fn err(&self) -> String {
-        String::from_utf8_lossy(&self.0.stderr).into_owned()
-    }
-
-    /// Asserts the exit code, and that the output contains these words.
-    #[track_caller]
-    fn says(&self, code: i32, words: &[&str]) -> &Ran {
-        let said = self.out() + &self.err();
-        assert_eq!(self.code(), code, "{said}");
-        for word in words {
-            assert!(said.contains(word), "no {word:?} in:\n{said}");
-        }
-        self
-    }
+/// A folder whose scene has one ray for each pixel. Adaptive sampling compares developed colours, so that its rays
+/// depend on the transfer curve and on the background.
+fn with_one_ray() -> Folder {
+    Folder::new("s.kdl", &format!("film {{ sample \"center\" }}\n{SCENE}"))
 }
 
 fn rgb(picture: &Decoded, index: usize) -> [f32; 3] {
@@ -105,7 +36,7 @@ fn rgb(picture: &Decoded, index: usize) -> [f32; 3] {
 
 #[test]
 fn a_picture_beside_its_report() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let ran = folder.run("render s.kdl");
     ran.says(
         0,
@@ -130,7 +61,7 @@ fn a_picture_beside_its_report() {
 
 #[test]
 fn exit_codes() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.write("wrong.kdl", "camera { eye 0 0 5; center 0 0 0; size 4 4 }\nsphre { center 0 0 0; radius 1 }\n");
     folder.run("render").says(2, &["SCENE"]);
     folder.run("render s.kdl --pattern jittered --samples 10").says(2, &["9 and 16"]);
@@ -155,7 +86,7 @@ fn exit_codes() {
 
 #[test]
 fn what_cannot_be_written_leaves_nothing() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("render s.kdl -o no/such/s.png").says(1, &["there is no folder no/such", "mkdir -p no/such"]);
     folder.run("render s.kdl -o s.kdl/s.png").says(1, &["error:"]);
     fs::create_dir(folder.path("d.png")).unwrap();
@@ -170,7 +101,7 @@ fn what_cannot_be_written_leaves_nothing() {
 #[test]
 fn a_folder_without_permission() {
     use std::os::unix::fs::PermissionsExt;
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let locked = folder.path("locked");
     fs::create_dir(&locked).unwrap();
     fs::set_permissions(&locked, fs::Permissions::from_mode(0o555)).unwrap();
@@ -184,7 +115,7 @@ fn a_folder_without_permission() {
 
 #[test]
 fn no_clobber_keeps_files() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.write("s.png", "precious");
     folder.run("render s.kdl --no-clobber").says(1, &["s.png exists already", "--no-clobber"]);
     assert_eq!(fs::read(folder.path("s.png")).unwrap(), b"precious");
@@ -197,7 +128,7 @@ fn no_clobber_keeps_files() {
 
 #[test]
 fn compression_changes_sizes_and_no_pixel() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let size = |how: &str, kind: &str| {
         let file = format!("{how}.{kind}");
         let frames = if kind == "apng" { "--frames 1-2" } else { "" };
@@ -216,7 +147,7 @@ fn compression_changes_sizes_and_no_pixel() {
 
 #[test]
 fn the_standard_output_takes_a_picture() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let png = folder.run("render s.kdl -o -");
     png.says(0, &["standard output"]);
     let exr = folder.run("render s.kdl -o - --format exr --aov depth");
@@ -229,7 +160,7 @@ fn the_standard_output_takes_a_picture() {
 
 #[test]
 fn a_reader_who_leaves_is_no_failure() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for arguments in
         ["render s.kdl -o - --quiet --size 200x200 --bits 16", "explain s.kdl -p 12,8 --samples 256", "info s.kdl"]
     {
@@ -242,7 +173,7 @@ fn a_reader_who_leaves_is_no_failure() {
 
 #[test]
 fn frames_are_numbered_and_differ() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("render s.kdl --frames 9-11 -o f.###.png --samples 4 -q").says(0, &[]);
     assert_eq!(folder.names(), ["f.009.png", "f.010.png", "f.011.png"]);
     let [nine, ten] = ["f.009.png", "f.010.png"].map(|name| folder.picture(name).image);
@@ -255,9 +186,9 @@ fn frames_are_numbered_and_differ() {
 /// A lamp that is seen, and a warning that it lights nothing, once.
 #[test]
 fn materials_that_emit_are_warned_of_once() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let lamp = "material \"lamp\" { kd 0; emission 17 12 4 }\nsphere material=\"lamp\" { center 0 2 0; radius 0.3 }\n";
-    folder.write("lamp.kdl", &format!("{SCENE}{lamp}"));
+    folder.write("lamp.kdl", format!("{SCENE}{lamp}"));
     let said = folder.run("render lamp.kdl -o q.png -q");
     said.says(0, &[]);
     assert!(!said.err().contains("emits"), "{}", said.err());
@@ -286,7 +217,7 @@ fn materials_that_emit_are_warned_of_once() {
 
 #[test]
 fn layers_in_one_file_or_in_several() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("render s.kdl -o a.exr --aov all").says(0, &["a.exr: 24 x 16"]);
     let image = folder.picture("a.exr").image;
     for name in ["R", "normal.X", "depth.Z", "object_id.X", "cost.X", "reflection.G"] {
@@ -298,7 +229,7 @@ fn layers_in_one_file_or_in_several() {
 
 #[test]
 fn a_dry_run_writes_nothing() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let ran = folder.run("render s.kdl --dry-run --samples 16 --camera side");
     ran.says(
         0,
@@ -310,7 +241,7 @@ fn a_dry_run_writes_nothing() {
 
 #[test]
 fn progress_as_json() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let ran = folder.run("render s.kdl --progress json --size 400x300 --samples 16");
     let events: Vec<Value> = ran.err().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(events[0]["event"], "start");
@@ -328,7 +259,7 @@ fn progress_as_json() {
 
 #[test]
 fn threads_and_tiles_change_no_byte() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for (name, flags) in [("a", "--threads 1"), ("b", "--threads 4 --tile 5")] {
         for extension in ["png", "exr"] {
             folder.run(&format!("render s.kdl -q --samples 16 --aov all -o {name}.{extension} {flags}")).says(0, &[]);
@@ -345,7 +276,7 @@ fn threads_and_tiles_change_no_byte() {
 
 #[test]
 fn work_on_hierarchies_changes_no_byte() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     // The mesh has crosswise splinters. Every sixteenth of them is so long that it is split.
     let mut mesh = String::new();
     for n in 0..300 {
@@ -361,7 +292,7 @@ fn work_on_hierarchies_changes_no_byte() {
         );
     }
     folder.write("splinters.obj", &mesh);
-    folder.write("long.kdl", &format!("{SCENE}\nmesh file=\"splinters.obj\" material=\"red\""));
+    folder.write("long.kdl", format!("{SCENE}\nmesh file=\"splinters.obj\" material=\"red\""));
     for work in ["medium", "high"] {
         folder.run(&format!("render long.kdl -q --samples 4 -o {work}.png --build {work}")).says(0, &[]);
     }
@@ -382,7 +313,7 @@ fn work_on_hierarchies_changes_no_byte() {
 
 #[test]
 fn an_explanation_adds_up_to_the_pixel() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let flags = "--samples 4 --seed 5 --max-depth 4";
     folder.run(&format!("render s.kdl -q -o a.exr {flags}")).says(0, &[]);
     let picture = folder.picture("a.exr");
@@ -403,7 +334,7 @@ fn an_explanation_adds_up_to_the_pixel() {
 
 #[test]
 fn a_crop_is_a_part_of_the_whole() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("render s.kdl -q -o whole.exr").says(0, &[]);
     folder.run("render s.kdl -q -o part.exr --crop 5,3,10,4").says(0, &[]);
     let (whole, part) = (folder.picture("whole.exr"), folder.picture("part.exr"));
@@ -415,7 +346,7 @@ fn a_crop_is_a_part_of_the_whole() {
 
 #[test]
 fn flags_change_the_scene() {
-    let folder = Folder::with_one_ray();
+    let folder = with_one_ray();
     let render = |name: &str, flags: &str| {
         folder.run(&format!("render s.kdl -q -o {name}.exr {flags}")).says(0, &[]);
         folder.picture(&format!("{name}.exr")).image
@@ -432,7 +363,7 @@ fn flags_change_the_scene() {
 
 #[test]
 fn compare_measures() {
-    let folder = Folder::with_one_ray();
+    let folder = with_one_ray();
     folder.run("render s.kdl -q -o a.png").says(0, &[]);
     folder.run("render s.kdl -q -o a.exr").says(0, &[]);
     folder.run("render s.kdl -q -o b.png --no-shadows").says(0, &[]);
@@ -458,7 +389,7 @@ fn compare_measures() {
 
 #[test]
 fn light_that_is_seen_alike_is_not_equal() {
-    let folder = Folder::with_one_ray();
+    let folder = with_one_ray();
     // Both skies are white in a picture; in linear light one has twice the radiance of the other.
     for (name, sky) in [("a", "4"), ("b", "8")] {
         folder.run(&format!("render s.kdl -q -o {name}.exr --aov depth --set background={sky}")).says(0, &[]);
@@ -476,11 +407,11 @@ fn light_that_is_seen_alike_is_not_equal() {
 
 #[test]
 fn several_scenes_replace_nothing_that_another_reads() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("render s.kdl -q -o two.png").says(0, &[]);
     let before = fs::read(folder.path("two.png")).unwrap();
     folder.write("two.kdl", SCENE);
-    folder.write("uses.kdl", &format!("{SCENE}\ntexture \"t\" file=\"two.png\"\n"));
+    folder.write("uses.kdl", format!("{SCENE}\ntexture \"t\" file=\"two.png\"\n"));
     folder.run("render two.kdl uses.kdl -q -o .").says(2, &["two.png would replace a file that is read"]);
     assert_eq!(fs::read(folder.path("two.png")).unwrap(), before);
     fs::create_dir(folder.path("out")).unwrap();
@@ -493,7 +424,7 @@ fn several_scenes_replace_nothing_that_another_reads() {
 #[cfg(target_os = "linux")]
 #[test]
 fn help_that_nobody_gets_is_a_failure() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for arguments in ["--help", "--version", "help render", "info --help"] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
         let status = folder.command(arguments).stdout(full).stderr(Stdio::null()).status().unwrap();
@@ -504,7 +435,7 @@ fn help_that_nobody_gets_is_a_failure() {
 
 #[test]
 fn check_tells_every_mistake_of_every_file() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.write("a.kdl", "sphre { radius 1 }\nlight \"omny\" { position 0 0 0 }\n");
     folder.write("b.kdl", "camera { eye 0 0 0; center 0 0 0; size 4 4 }\n");
     let ran = folder.run("check a.kdl s.kdl b.kdl nosuch.kdl");
@@ -517,7 +448,7 @@ fn check_tells_every_mistake_of_every_file() {
 
 #[test]
 fn info_counts() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder
         .run("info s.kdl")
         .says(0, &["3 single shapes", "\"front\": eye (0, 2, 6)", "omni, intensity", "\"red\": kd", "s.kdl, "]);
@@ -529,7 +460,7 @@ fn info_counts() {
 
 #[test]
 fn models_are_looked_at_as_they_are() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     folder.run("render t.obj --size 40x30").says(0, &["t.png: 40 x 30"]);
     folder.run("render t.obj --set mesh.scale=3").says(2, &["--set:1:1", "a model has no mesh", "mesh file="]);
@@ -537,7 +468,7 @@ fn models_are_looked_at_as_they_are() {
 
 #[test]
 fn scripts_for_shells_and_manuals() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.run("completions bash").says(0, &["--no-clobber"]);
     folder.run("completions tcsh").says(2, &["bash"]);
     folder.run("man").says(0, &[".TH canaletto 1"]);
@@ -567,7 +498,7 @@ fn signal(child: &std::process::Child, name: &str) {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_saves_the_picture_so_far() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let (mut child, _, lines) = long_render(&folder);
     signal(&child, "-INT");
     let rest: Vec<String> = lines.collect();
@@ -584,7 +515,7 @@ fn ctrl_c_saves_the_picture_so_far() {
 #[cfg(unix)]
 #[test]
 fn two_signals_leave_no_half_file() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let (mut child, ..) = long_render(&folder);
     signal(&child, "-TERM");
     signal(&child, "-INT");
@@ -594,7 +525,7 @@ fn two_signals_leave_no_half_file() {
 
 #[test]
 fn colours_are_for_terminals() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let said = folder.run("render s.kdl --camera x").err();
     assert!(!said.contains('\x1b'), "{said}");
 }
@@ -602,7 +533,7 @@ fn colours_are_for_terminals() {
 /// Covers all kinds of hierarchies with many rays: meshes, clouds, single shapes, clear objects, shadows from a disk.
 #[test]
 fn no_picture_depends_on_the_instructions() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let place = |i: usize, n: usize| ((i * 7919 % n) as f64 / n as f64 - 0.5) * 6.0;
     let (mut mesh, mut cloud) = (String::new(), String::new());
     for i in 0..600 {

@@ -1,24 +1,14 @@
 //! Tests of `canaletto compare-methods`.
 
-use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+use support::{canaletto, root, says};
 
 fn run(arguments: &[&str], output: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.current_dir(root()).arg("compare-methods").args(arguments).arg("-o").arg(output).output().unwrap()
-}
-
-/// Asserts the exit code, and that the output contains these words.
-#[track_caller]
-fn says(output: &Output, code: i32, words: &[&str]) {
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
+    canaletto(root()).arg("compare-methods").args(arguments).arg("-o").arg(output).output().unwrap()
 }
 
 const MIRROR: &str = "scenes/chapter/fig-5.26b-mirror.kdl";

@@ -1,25 +1,21 @@
 //! Tests of `canaletto explain`: its short text, its steps against formulas, and its JSON against the schema in docs.
 
+mod support;
+
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
+use std::path::Path;
+use std::process::Output;
+use support::{canaletto, printed, root};
 
 fn run(folder: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.current_dir(folder).args(arguments.split(' ')).output().unwrap()
+    canaletto(folder).args(arguments.split(' ')).output().unwrap()
 }
 
 /// What `explain` prints.
 #[track_caller]
 fn explained(folder: &Path, arguments: &str) -> String {
-    let output = run(folder, &format!("explain {arguments}"));
-    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    printed(canaletto(folder).arg("explain").args(arguments.split(' ')))
 }
 
 #[track_caller]

@@ -1,24 +1,20 @@
 //! Tests of `canaletto explain --diff`: each planted difference is the first term that is printed.
 
-use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+use support::{canaletto, root};
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.current_dir(folder).arg("explain").args(arguments).output().unwrap()
+    canaletto(folder).arg("explain").args(arguments).output().unwrap()
 }
 
 /// What a difference prints.
 #[track_caller]
 fn printed(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    support::printed(canaletto(folder).arg("explain").args(arguments))
 }
 
 #[track_caller]

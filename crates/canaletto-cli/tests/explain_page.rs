@@ -1,23 +1,19 @@
 //! Tests of `canaletto explain --svg` and `--html`: the scene from outside, and the page.
 
-use canaletto_io::picture::{Image, decode};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
+use canaletto_io::picture::{Image, decode};
+use std::path::Path;
+use std::process::Output;
+use support::{canaletto, printed, root};
 
 fn run(folder: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.current_dir(folder).arg("explain").args(arguments.split(' ')).output().unwrap()
+    canaletto(folder).arg("explain").args(arguments.split(' ')).output().unwrap()
 }
 
 #[track_caller]
 fn explained(folder: &Path, arguments: &str) -> String {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    printed(canaletto(folder).arg("explain").args(arguments.split(' ')))
 }
 
 const GLASS: &str = "scenes/chapter/fig-5.27b-glass.kdl -p 110,75";

@@ -1,13 +1,14 @@
 //! Tests of `canaletto form-factor` on the scene that its help names.
 
+mod support;
+
 use serde_json::Value;
-use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use support::{canaletto, root};
 
 fn command(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    command.current_dir(root).args(["form-factor", "scenes/form-factor.kdl"]).args(arguments);
+    let mut command = canaletto(root());
+    command.args(["form-factor", "scenes/form-factor.kdl"]).args(arguments);
     command
 }
 
@@ -24,10 +25,7 @@ fn json(arguments: &[&str]) -> Value {
 /// Asserts the exit code, and that the output contains these words.
 #[track_caller]
 fn says(arguments: &[&str], code: i32, words: &[&str]) {
-    let output = run(arguments);
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
+    support::says(&run(arguments), code, words);
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! Animations on the command line: frames, continuation after an interruption, films.
 
+mod support;
+
 use canaletto_io::picture::{Decoded, decode};
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::SystemTime;
+use support::{Folder, says};
 
 /// A ball that crosses the picture in 8 frames.
 const SCENE: &str = r#"
@@ -15,60 +17,8 @@ sphere name="ball" material="red" { center 0 0 0; radius 1; translate { key 1 -4
 light "omni" { position 3 5 9 }
 "#;
 
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        fs::write(folder.path("s.kdl"), SCENE).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path());
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        self.command(arguments).output().unwrap()
-    }
-
-    /// Runs a command and expects an exit code and words on stderr or stdout.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
-        said(self.run(arguments), code, words)
-    }
-
-    fn picture(&self, name: &str) -> Decoded {
-        decode(&fs::read(self.path(name)).unwrap()).unwrap()
-    }
-
-    fn time(&self, name: &str) -> SystemTime {
-        fs::metadata(self.path(name)).unwrap().modified().unwrap()
-    }
-
-    fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.retain(|name| name != "s.kdl");
-        names.sort();
-        names
-    }
-}
-
-#[track_caller]
-fn said(output: Output, code: i32, words: &[&str]) -> String {
-    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{text}");
-    for word in words {
-        assert!(text.contains(word), "{word:?} isn't in:\n{text}");
-    }
-    text
+fn time(folder: &Folder, name: &str) -> SystemTime {
+    fs::metadata(folder.path(name)).unwrap().modified().unwrap()
 }
 
 /// The column of the reddest pixel, from the left.
@@ -81,7 +31,7 @@ fn ball(picture: &Decoded) -> usize {
 
 #[test]
 fn frames_move() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl --frames 1-9x4 -o f.##.png", 0, &["3 of 3", "3 frames rendered", "in all"]);
     assert_eq!(folder.names(), ["f.01.png", "f.05.png", "f.09.png"]);
     let places = ["f.01.png", "f.05.png", "f.09.png"].map(|name| ball(&folder.picture(name)));
@@ -102,7 +52,7 @@ const PALETTE_OF_FOUR_BYTES: &[u8] = include_bytes!("../../canaletto-io/tests/fu
 
 #[test]
 fn what_breaks_a_decoder_in_the_place_of_a_frame_is_replaced() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl --frames 1-3 -o f.#.png", 0, &["3 frames rendered"]);
     let whole = ["f.1.png", "f.2.png", "f.3.png"].map(|name| fs::read(folder.path(name)).unwrap());
     fs::write(folder.path("f.1.png"), PALETTE_OF_FOUR_BYTES).unwrap();
@@ -120,9 +70,9 @@ fn what_breaks_a_decoder_in_the_place_of_a_frame_is_replaced() {
 
 #[test]
 fn complete_frames_are_kept() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl --frames 1-3 -o f.#.png --aov depth", 0, &["3 frames rendered"]);
-    let before = folder.time("f.1.png");
+    let before = time(&folder, "f.1.png");
     // One frame is cut off, one lacks a layer, one has another size.
     let bytes = fs::read(folder.path("f.2.png")).unwrap();
     fs::write(folder.path("f.2.png"), &bytes[..bytes.len() / 2]).unwrap();
@@ -132,7 +82,7 @@ fn complete_frames_are_kept() {
         0,
         &["4 of 4", "3 frames rendered, 1 complete before (--force"],
     );
-    assert_eq!(folder.time("f.1.png"), before);
+    assert_eq!(time(&folder, "f.1.png"), before);
     assert_eq!(fs::read(folder.path("f.2.png")).unwrap(), bytes, "the same again");
     let again = "render s.kdl --frames 1-4 -o f.#.png --aov depth";
     folder.says(again, 0, &["0 frames rendered, 4 complete before"]);
@@ -150,7 +100,7 @@ fn complete_frames_are_kept() {
 
 #[test]
 fn exr_frames_are_kept_with_their_layers() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let run = "render s.kdl --frames 1-2 -o f.#.exr";
     folder.says(&format!("{run} --aov normal,depth"), 0, &["2 frames rendered"]);
     folder.says(&format!("{run} --aov normal,depth"), 0, &["2 complete before"]);
@@ -160,7 +110,7 @@ fn exr_frames_are_kept_with_their_layers() {
 /// Frames that a second command would render differently are rendered again, in both directions. The others are kept.
 #[test]
 fn only_frames_of_the_same_command_are_kept() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     fs::write(folder.path("s.kdl"), SCENE.replace("camera {", "camera \"é 水\" {")).unwrap();
     let flags = [
         "--size 12x9",
@@ -225,7 +175,7 @@ fn crc(bytes: &[u8]) -> u32 {
 
 #[test]
 fn mistakes_at_later_keys_are_told_before_the_first_frame() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     fs::write(folder.path("s.kdl"), SCENE.replace("radius 1", "radius { key 1 1; key 90 -1; key 100 -1 }")).unwrap();
     folder.says("render s.kdl --frames 1-100 -o f.###.png", 3, &["radius is -1"]);
     assert!(folder.names().is_empty());
@@ -236,7 +186,7 @@ fn mistakes_at_later_keys_are_told_before_the_first_frame() {
 
 #[test]
 fn files_are_read_once() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     fs::write(folder.path("m.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     fs::write(folder.path("s.kdl"), format!("{SCENE}\nmesh file=\"m.obj\" {{ rotate-y {{ key 1 0; key 9 90 }} }}"))
         .unwrap();
@@ -256,7 +206,7 @@ fn hierarchies(events: &str) -> Vec<[u64; 3]> {
 
 #[test]
 fn what_stays_between_frames_changes_no_byte() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let mut sheet = String::new();
     for n in 0..400 {
         sheet +=
@@ -306,7 +256,7 @@ fn what_stays_between_frames_changes_no_byte() {
 
 #[test]
 fn films_in_one_file() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -o f.apng", 0, &["f.apng: 4 frames rendered"]);
     let still = folder.run("render s.kdl -o one.png -q");
     assert!(still.status.success());
@@ -335,10 +285,10 @@ fn films_in_one_file() {
 /// The bytes are equal on 1, 2, 3 and 7 threads.
 #[test]
 fn threads_change_no_film() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for format in ["apng", "gif"] {
         let film = |threads| {
-            folder.run(&format!("render s.kdl --samples 4 -o - --format {format} -q --threads {threads}")).stdout
+            folder.run(&format!("render s.kdl --samples 4 -o - --format {format} -q --threads {threads}")).0.stdout
         };
         let one = film(1);
         assert!(one.len() > 100);
@@ -365,7 +315,7 @@ fn interrupted_at(folder: &Folder, run: &str, words: &str) -> String {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     fs::write(folder.path("f.3.png"), "an older frame").unwrap();
     let run = "render s.kdl --frames 1-9 -o f.#.png --size 300x200 --samples 400";
     interrupted_at(&folder, run, "\"event\":\"progress\",\"frame\":3");
@@ -380,7 +330,7 @@ fn ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on() {
 #[cfg(unix)]
 #[test]
 fn part_of_a_film_goes_beside_an_older_one() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for format in ["gif", "apng"] {
         let (film, part) = (format!("f.{format}"), format!("f.partial.{format}"));
         fs::write(folder.path(&film), "an older film").unwrap();
@@ -431,13 +381,13 @@ mod ffmpeg {
 
     #[test]
     fn it_gets_all_pixels_and_safe_arguments() {
-        let folder = Folder::new();
+        let folder = Folder::new("s.kdl", SCENE);
         let script = "for last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"";
         let output = with(&folder, Some(script), "render s.kdl -o -odd:name.mp4 --fps 23.976");
         // A name that starts with a dash needs the form with `=`.
         assert_eq!(output.status.code(), Some(2));
         let output = with(&folder, Some(script), "render s.kdl --output=-odd:name.mp4 --fps 23.976");
-        said(output, 0, &["4 frames rendered"]);
+        says(&output, 0, &["4 frames rendered"]);
         let film = fs::read(folder.path("-odd:name.mp4")).unwrap();
         assert_eq!(film.len(), 4 * 24 * 16 * 3);
         folder.says("render s.kdl --frames 1-4 -o f.#.png -q", 0, &[]);
@@ -455,17 +405,17 @@ mod ffmpeg {
 
     #[test]
     fn its_failure_is_shown_and_leaves_nothing() {
-        let folder = Folder::new();
+        let folder = Folder::new("s.kdl", SCENE);
         let film = "render s.kdl -o f.webm";
-        said(with(&folder, None, film), 1, &["WebM needs the program ffmpeg", "help: install it"]);
+        says(&with(&folder, None, film), 1, &["WebM needs the program ffmpeg", "help: install it"]);
         let script = "/bin/cat > /dev/null; echo 'Unknown encoder: libvpx' >&2; exit 1";
-        said(with(&folder, Some(script), film), 1, &["ffmpeg failed: Unknown encoder: libvpx", "help:"]);
+        says(&with(&folder, Some(script), film), 1, &["ffmpeg failed: Unknown encoder: libvpx", "help:"]);
         // The script ends while data is still being sent.
         let large = "render s.kdl -o f.webm --size 600x400";
-        said(with(&folder, Some("echo 'no such option' >&2; exit 8"), large), 1, &["no such option"]);
-        said(with(&folder, Some("exit 8"), film), 1, &["ffmpeg failed: "]);
+        says(&with(&folder, Some("echo 'no such option' >&2; exit 8"), large), 1, &["no such option"]);
+        says(&with(&folder, Some("exit 8"), film), 1, &["ffmpeg failed: "]);
         assert_eq!(folder.names(), ["bin"]);
-        said(with(&folder, Some("exit 0"), "render s.kdl -o - --format mp4"), 2, &["standard output"]);
+        says(&with(&folder, Some("exit 0"), "render s.kdl -o - --format mp4"), 2, &["standard output"]);
     }
 
     /// A test with the real ffmpeg, if it is installed.
@@ -475,12 +425,12 @@ mod ffmpeg {
             eprintln!("films_by_ffmpeg_itself: skipped, ffmpeg isn't installed");
             return;
         };
-        let folder = Folder::new();
+        let folder = Folder::new("s.kdl", SCENE);
         for name in ["f.mp4", "f.webm"] {
             folder.says(&format!("render s.kdl -o {name} --size 31x17"), 0, &["4 frames rendered"]);
             let mut command = Command::new(&program);
             command.args(["-v", "error", "-i", name, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]);
-            let output = command.current_dir(folder.0.path()).output().unwrap();
+            let output = command.current_dir(folder.path("")).output().unwrap();
             assert_eq!(output.stdout.len(), 4 * 32 * 18 * 3, "{}", String::from_utf8_lossy(&output.stderr));
         }
     }

@@ -2,16 +2,14 @@
 //! rendered again. `CANALETTO_BLESS=1` renders pictures that differ as a whole and replaces them.
 #![cfg(unix)]
 
+mod support;
+
 use canaletto_io::picture::{Image, decode};
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
+use support::{canaletto, root};
 
 /// The width and height of the part that is rendered again.
 const PART: [u32; 2] = [96, 64];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
-}
 
 /// A picture's file name and the arguments of its command.
 struct Exhibit {
@@ -35,8 +33,8 @@ fn exhibits(page: &str) -> Vec<Exhibit> {
 }
 
 fn render(arguments: &[String], crop: Option<[u32; 4]>, file: &Path) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.args(arguments).arg("-q").arg("-o").arg(file).current_dir(root());
+    let mut command = canaletto(root());
+    command.args(arguments).arg("-q").arg("-o").arg(file);
     if let Some(crop) = crop {
         command.args(["--crop", &crop.map(|side| side.to_string()).join(",")]);
     }

@@ -1,24 +1,14 @@
 //! Tests of `canaletto grade`. `tests/grade.rs` at the root holds what is graded how.
 
+mod support;
+
 use canaletto_io::picture::decode;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
+use std::process::Output;
+use support::{canaletto, root, says};
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_canaletto")).current_dir(root()).args(arguments).output().unwrap()
-}
-
-/// Asserts the exit code, and that the output contains these words.
-#[track_caller]
-fn says(output: &Output, code: i32, words: &[&str]) {
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{said}");
-    words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
+    canaletto(root()).args(arguments).output().unwrap()
 }
 
 const GLASS: &str = "scenes/chapter/fig-5.27b-glass.kdl";

@@ -1,9 +1,10 @@
 //! Bad inputs of radiosity and of the z-buffer: each is a message that names the place, what was expected and what to
 //! do, and leaves no file.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
+mod support;
+
+use std::process::Stdio;
+use support::Folder;
 
 const CAMERA: &str = "camera { eye 0 1 5; center 0 1 0; size 12 8 }\n";
 const WALL: &str = "material \"wall\" { kd 0.5 }\nbox name=\"block\" material=\"wall\" { min -1 -1 -1; max 1 0 1 }\n";
@@ -14,22 +15,17 @@ const SCENE: i32 = 3;
 
 /// Renders a scene in a folder of its own; returns the exit code, what stderr says, and the files that came.
 fn render(scene: &str, flags: &[&str]) -> (i32, String, Vec<String>) {
-    let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
-    write("s.kdl", scene);
-    write("flat.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\nf 1 1 1\n");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-    command.args(["render", "s.kdl", "-o", "out.png"]).args(flags);
+    let folder = Folder::new("s.kdl", scene);
+    folder.write("flat.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\nf 1 1 1\n");
+    let mut command = folder.command("render s.kdl -o out.png");
+    command.args(flags);
     if !flags.contains(&"--progress") {
         command.args(["--progress", "none"]);
     }
-    let output = command.current_dir(folder.path()).stdin(Stdio::null()).output().unwrap();
-    let names = |path: &Path| -> Vec<String> {
-        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
-        fs::read_dir(path).unwrap().map(name).filter(|name| name != "s.kdl" && name != "flat.obj").collect()
-    };
+    let output = command.stdin(Stdio::null()).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    (output.status.code().unwrap_or(-1), said, names(folder.path()))
+    let names = folder.names().into_iter().filter(|name| name != "flat.obj");
+    (output.status.code().unwrap_or(-1), said, names.collect())
 }
 
 /// Asserts that a scene is refused with these words, and that nothing is written.

@@ -1,9 +1,11 @@
 //! No output of a command replaces one of its inputs or another output, under whatever name.
 #![cfg(unix)]
 
+mod support;
+
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use support::canaletto;
 
 const SCENE: &str = r#"
 camera { eye 0 1 5; size 8 8 }
@@ -38,8 +40,7 @@ fn every_pair_of_files_of_every_command() {
     fs::write(place("p.csv"), "0 0.5 0 0 1 0\n").unwrap();
     fs::create_dir(place("sub")).unwrap();
     let run = |arguments: &[String]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        let done = command.args(arguments).current_dir(folder.path()).output().unwrap();
+        let done = canaletto(&folder).args(arguments).output().unwrap();
         (done.status.code().unwrap(), String::from_utf8_lossy(&done.stderr).into_owned())
     };
     let words = |line: &str| line.split(' ').map(str::to_owned).collect::<Vec<_>>();
@@ -121,7 +122,7 @@ fn folders_are_made_when_asked_for() {
     fs::write(place("p.csv"), "0 0.5 0 0 1 0\n").unwrap();
     let run = |arguments: &str| {
         let words = arguments.split_whitespace();
-        let output = Command::new(env!("CARGO_BIN_EXE_canaletto")).current_dir(folder.path()).args(words).output();
+        let output = canaletto(&folder).args(words).output();
         let output = output.unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };

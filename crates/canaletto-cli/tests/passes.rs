@@ -1,12 +1,14 @@
 //! Pictures by paths that grow by passes: --time, --noise, --clamp, --continue, --preview=FILE and Ctrl-C.
 //! What `denoise` takes.
 
+mod support;
+
 use canaletto::scene::Transfer;
 use canaletto_io::picture::{Channel, Decoded, EncodeSettings, Image, PictureFormat, decode};
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use support::{CANALETTO, Folder};
 
 const SCENE: &str = r#"
 camera { eye 0 1.5 5.5; center 0 1.2 0; fovy 40; size 24 16 }
@@ -19,58 +21,24 @@ sphere material="lamp" { center 1.2 2.5 0.5; radius 0.4 }
 background 0.1
 "#;
 
-struct Folder(tempfile::TempDir);
+fn text(folder: &Folder, name: &str, key: &str) -> Option<String> {
+    folder.picture(name).metadata.into_iter().find(|(own, _)| own == key).map(|(_, text)| text)
+}
 
-impl Folder {
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        fs::write(folder.path("s.kdl"), SCENE).unwrap();
-        folder
-    }
+/// The stops that a picture's exposure became.
+#[track_caller]
+fn metered_stops(folder: &Folder, name: &str) -> f32 {
+    text(folder, name, "auto-exposure").unwrap_or_else(|| panic!("{name} tells no metered exposure")).parse().unwrap()
+}
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path());
-        command
-    }
-
-    /// Runs a command and expects an exit code and words on stdout or stderr.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
-        let output = self.command(arguments).output().unwrap();
-        let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert_eq!(output.status.code(), Some(code), "{said}");
-        words.iter().for_each(|word| assert!(said.contains(word), "no {word:?} in:\n{said}"));
-        said
-    }
-
-    fn picture(&self, name: &str) -> Decoded {
-        decode(&fs::read(self.path(name)).unwrap()).unwrap()
-    }
-
-    fn text(&self, name: &str, key: &str) -> Option<String> {
-        self.picture(name).metadata.into_iter().find(|(own, _)| own == key).map(|(_, text)| text)
-    }
-
-    /// The stops that a picture's exposure became.
-    #[track_caller]
-    fn stops(&self, name: &str) -> f32 {
-        self.text(name, "auto-exposure").unwrap_or_else(|| panic!("{name} tells no metered exposure")).parse().unwrap()
-    }
-
-    #[track_caller]
-    fn same(&self, a: &str, b: &str) {
-        assert!(self.picture(a).image == self.picture(b).image, "{a} and {b} differ");
-    }
+#[track_caller]
+fn same(folder: &Folder, a: &str, b: &str) {
+    assert!(folder.picture(a).image == folder.picture(b).image, "{a} and {b} differ");
 }
 
 #[test]
 fn two_runs_of_32_samples_are_one_of_64() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -q --samples 64 -o whole.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 32 -o half.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 64 --continue half.exr -o on.exr --threads 3", 0, &[]);
@@ -80,19 +48,19 @@ fn two_runs_of_32_samples_are_one_of_64() {
     assert!(folder.picture("half.exr").image.channel("block_2.R").is_some());
     folder.says("render s.kdl -q --samples 64 --continue half.exr -o half.exr --aov half-a,half-b,samples", 0, &[]);
     folder.says("render s.kdl -q --samples 64 -o halves.exr --aov half-a,half-b,samples", 0, &[]);
-    folder.same("half.exr", "halves.exr");
+    same(&folder, "half.exr", "halves.exr");
     // A picture apart, whose mean with the first one is the whole one.
     folder.says("render s.kdl -q --samples 32 --first-sample 32 -o second.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 32 -o first.exr", 0, &[]);
     let of = |name: &str| folder.picture(name).image.channel("G").unwrap().to_vec();
     let mean: Vec<f32> = of("first.exr").iter().zip(of("second.exr")).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
     assert_eq!(mean, of("whole.exr"));
-    assert_eq!(folder.text("whole.exr", "samples").unwrap(), "64");
+    assert_eq!(text(&folder, "whole.exr", "samples").unwrap(), "64");
 }
 
 #[test]
 fn samples_of_another_picture_are_refused_by_name() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -q --samples 16 -o a.exr", 0, &[]);
     let refused = |flags: &str, code: i32, words: &[&str]| {
         folder.says(&format!("render s.kdl -q --samples 32 {flags} -o b.exr"), code, words);
@@ -147,14 +115,14 @@ fn interrupted_after(folder: &Folder, flags: &str, samples: u32) -> (serde_json:
 #[cfg(unix)]
 #[test]
 fn an_interrupted_picture_goes_on() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let (done, wanted) = interrupted(&folder, "a.exr");
     assert_eq!((&done["complete"], &done["files"][0]), (&false.into(), &"a.partial.exr".into()));
     assert!(done["samples"]["fewest"].as_u64().unwrap() >= 16);
-    assert!(folder.text("a.partial.exr", "unfinished").is_some());
+    assert!(text(&folder, "a.partial.exr", "unfinished").is_some());
     folder.says(&format!("render s.kdl --size 96x64 --samples {wanted} -q --continue a.partial.exr -o a.exr"), 0, &[]);
     folder.says(&format!("render s.kdl --size 96x64 --samples {wanted} -q -o whole.exr"), 0, &[]);
-    folder.same("a.exr", "whole.exr");
+    same(&folder, "a.exr", "whole.exr");
     assert!(!folder.path("a.partial.exr").exists(), "the whole picture makes the part obsolete");
 }
 
@@ -181,7 +149,7 @@ fn after_the_last_sample(folder: &Folder, run: &str, signal: Option<(&str, Durat
 #[cfg(unix)]
 #[test]
 fn signals_after_the_last_sample_leave_a_part() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for (format, samples, part) in [("exr", 4, "a.partial.exr"), ("png", 6, "a.png.partial.exr")] {
         let run = format!("render s.kdl --size 144x96 --samples {samples} --denoise --aov depth");
         let (code, time) = after_the_last_sample(&folder, &format!("{run} -o whole.{format}"), None);
@@ -198,7 +166,7 @@ fn signals_after_the_last_sample_leave_a_part() {
             }
             stopped += 1;
             assert_eq!((code, fs::read(&picture).unwrap()), (130, b"older".to_vec()));
-            assert!(folder.text(part, "unfinished").is_some());
+            assert!(text(&folder, part, "unfinished").is_some());
             folder.says(&format!("{run} -q --continue {part} -o a.{format}"), 0, &[]);
             assert!(fs::read(&picture).unwrap() == fs::read(&whole).unwrap(), "{delay:?}");
             assert!(!folder.path(part).exists());
@@ -211,7 +179,7 @@ fn signals_after_the_last_sample_leave_a_part() {
 #[cfg(unix)]
 #[test]
 fn a_series_makes_a_frame_again_that_was_not_denoised() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let run = "render s.kdl --frames 1-2 --size 144x96 --samples 4 --denoise";
     folder.says(&format!("{run} -q -o whole.##.png"), 0, &[]);
     let (code, _) = after_the_last_sample(&folder, &format!("{run} -o a.##.png"), Some(("-TERM", Duration::ZERO)));
@@ -226,31 +194,31 @@ fn a_series_makes_a_frame_again_that_was_not_denoised() {
 /// The samples of a denoised picture aren't its colours.
 #[test]
 fn a_denoised_picture_goes_on() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -q --samples 32 -o whole.exr", 0, &[]);
     for flags in ["", "--aov noisy"] {
         folder.says(&format!("render s.kdl -q --samples 16 --denoise {flags} -o half.exr"), 0, &[]);
         folder.says("render s.kdl -q --samples 32 --continue half.exr -o on.exr", 0, &[]);
-        folder.same("on.exr", "whole.exr");
+        same(&folder, "on.exr", "whole.exr");
     }
     folder.says("render s.kdl -q --samples 16 --aov half-a,half-b -o noisy.exr", 0, &[]);
     folder.says("denoise noisy.exr -q -o half.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 32 --continue half.exr -o on.exr", 0, &[]);
-    folder.same("on.exr", "whole.exr");
+    same(&folder, "on.exr", "whole.exr");
 }
 
 /// A PNG holds no samples, so an EXR beside its part does.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_png_goes_on() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let (done, wanted) = interrupted(&folder, "a.png");
     assert_eq!(done["files"], serde_json::json!(["a.partial.png", "a.png.partial.exr"]));
     assert_eq!(done["samples_file"], "a.png.partial.exr");
     let run = format!("render s.kdl --size 96x64 --samples {wanted} -q");
     folder.says(&format!("{run} --continue a.png.partial.exr -o a.png"), 0, &[]);
     folder.says(&format!("{run} -o whole.png"), 0, &[]);
-    folder.same("a.png", "whole.png");
+    same(&folder, "a.png", "whole.png");
     assert!(!folder.path("a.partial.png").exists() && !folder.path("a.png.partial.exr").exists());
 }
 
@@ -258,18 +226,18 @@ fn an_interrupted_png_goes_on() {
 #[cfg(unix)]
 #[test]
 fn the_samples_of_an_interrupted_png_are_saved_first() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let (done, _) = interrupted_after(&folder, "--size 480x320 -o a.png --aov depth", 2);
     assert_eq!(done["files"], serde_json::json!(["a.partial.png", "a.depth.partial.png", "a.png.partial.exr"]));
     let time = |name: &str| fs::metadata(folder.path(name)).unwrap().modified().unwrap();
     assert!(time("a.png.partial.exr") < time("a.partial.png"), "the picture was written first");
     // A signal between two passes leaves equal numbers of samples, which need no channel.
-    assert!(folder.text("a.png.partial.exr", "samples").is_some());
+    assert!(text(&folder, "a.png.partial.exr", "samples").is_some());
 }
 
 #[test]
 fn a_time_has_as_many_passes_as_fit() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let start = Instant::now();
     let said = folder.says("render s.kdl --time 1s --progress json -o a.exr", 0, &[]);
     let events: Vec<serde_json::Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
@@ -284,7 +252,7 @@ fn a_time_has_as_many_passes_as_fit() {
     assert!(done["complete"] == true && samples == *passes.last().unwrap() && samples < 65_536);
     // The number of samples is all that depends on the time.
     folder.says(&format!("render s.kdl -q --samples {samples} -o b.exr"), 0, &[]);
-    folder.same("a.exr", "b.exr");
+    same(&folder, "a.exr", "b.exr");
     folder.says("render s.kdl --time 1h --samples 16 -o c.exr", 0, &["16 samples per pixel"]);
     folder.says("render s.kdl --time 0s", 2, &["60s"]);
     folder.says("render s.kdl --time 5s --integrator whitted", 2, &["--time", "only the path integrator"]);
@@ -292,11 +260,11 @@ fn a_time_has_as_many_passes_as_fit() {
 
 #[test]
 fn noise_is_as_low_as_asked_or_a_warning_says_so() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let said = folder.says("render s.kdl --noise 0.1 -o a.exr --threads 1", 0, &[" samples", "noise 0.0"]);
     assert!(!said.contains("warning"), "{said}");
     folder.says("render s.kdl --noise 0.1 -q -o b.exr --threads 3 --tile 7", 0, &[]);
-    folder.same("a.exr", "b.exr");
+    same(&folder, "a.exr", "b.exr");
     let words = ["warning", "not 0.001", "64 samples", "0.001 would take about ", "of the noise", "--clamp 10 would"];
     folder.says("render s.kdl --noise 0.001 --samples 64 -o c.png", 0, &words);
     folder.says("render s.kdl --noise 0", 2, &["above 0"]);
@@ -304,18 +272,18 @@ fn noise_is_as_low_as_asked_or_a_warning_says_so() {
 
 #[test]
 fn a_clamp_says_what_it_takes() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl --clamp 1 --samples 16 -o a.exr", 0, &["--clamp 1 removed", "% of the picture's light"]);
     let most = folder.picture("a.exr").image.channel("R").unwrap().iter().fold(0.0f32, |most, v| most.max(*v));
     assert!(most <= 1.0);
     folder.says("render s.kdl --clamp 100 --samples 16 -o b.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 16 -o c.exr", 0, &[]);
-    folder.same("b.exr", "c.exr");
+    same(&folder, "b.exr", "c.exr");
 }
 
 #[test]
 fn a_live_preview_is_a_whole_picture_after_each_pass() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let run = "render s.kdl --samples 65536 --size 400x300 --preview=live.png -q -o a.exr";
     let mut child = folder.command(run).spawn().unwrap();
     let start = Instant::now();
@@ -338,7 +306,7 @@ fn a_live_preview_is_a_whole_picture_after_each_pass() {
 /// The two halves of one sample are equal, and still its noise isn't zero.
 #[test]
 fn one_sample_is_denoised() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -q --samples 1 -o noisy.png", 0, &[]);
     folder.says("render s.kdl --samples 1 --denoise -o clean.png", 0, &["guessed from neighbouring", "wavelets 100%"]);
     folder.says("compare noisy.png clean.png", 0, &["differing"]);
@@ -346,7 +314,7 @@ fn one_sample_is_denoised() {
 
 #[test]
 fn settings_of_the_classic_integrator_are_refused() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for flag in ["--stage unlit", "--no-shadows"] {
         let name = flag.split(' ').next().unwrap();
         folder.says(
@@ -360,7 +328,7 @@ fn settings_of_the_classic_integrator_are_refused() {
 
 #[test]
 fn halves_for_denoising_are_independent() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for (name, flags) in [("a", ""), ("b", "--seed 1"), ("c", "--first-sample 8"), ("d", "--first-sample 4")] {
         folder.says(&format!("render s.kdl -q --samples 8 -o {name}.exr {flags}"), 0, &[]);
     }
@@ -381,7 +349,7 @@ fn halves_for_denoising_are_independent() {
 /// Files of other programs keep their colours in a layer.
 #[test]
 fn colours_of_a_single_layer_are_denoised() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let exr = PictureFormat::all().find(|format| format.extension() == "exr").unwrap();
     let write = |file: &str, names: &[&str]| {
         // Channels of the same last letter have the same values.
@@ -415,7 +383,7 @@ fn colours_of_a_single_layer_are_denoised() {
 /// Pixels that are no light are filled and counted. A picture of nothing else is refused.
 #[test]
 fn pixels_that_are_no_light_are_counted() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let exr = PictureFormat::all().find(|format| format.extension() == "exr").unwrap();
     let write = |file: &str, broken: &dyn Fn(usize) -> f32| {
         let channel = |name: &str| Channel::new(name, (0..12 * 8).map(|i| 0.5 + broken(i)).collect());
@@ -442,7 +410,7 @@ fn pixels_that_are_no_light_are_counted() {
 /// The halves of a denoised picture aren't those of its colours.
 #[test]
 fn a_denoised_picture_is_refused() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -q --samples 4 --aov half-a,half-b -o noisy.exr", 0, &[]);
     folder.says("denoise noisy.exr -q -o clean.exr", 0, &[]);
     folder.says("denoise clean.exr -o again.exr", 3, &["clean.exr is denoised already", "layer noisy"]);
@@ -452,7 +420,7 @@ fn a_denoised_picture_is_refused() {
 /// The format doesn't notice damage of pixels that are stored as they are. The hash beside the settings does.
 #[test]
 fn damaged_pixels_are_noticed() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let damage = |name: &str| {
         let mut bytes = fs::read(folder.path(name)).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
@@ -483,12 +451,12 @@ fn damaged_pixels_are_noticed() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_preview_that_cant_be_written_is_a_warning() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     std::os::unix::fs::symlink("/dev/full", folder.path("full.png")).unwrap();
     let said = folder.says("render s.kdl --samples 4 --preview=full.png -o a.png", 0, &["warning", "full.png"]);
     assert!(said.contains("the render goes on") && folder.path("a.png").exists(), "{said}");
     folder.says("render s.kdl --samples 4 --preview=full.png -o b.png --progress json", 0, &["\"warning\""]);
-    folder.same("a.png", "b.png");
+    same(&folder, "a.png", "b.png");
     folder.says("render s.kdl --samples 4 --preview=none/full.png -o c.png", 1, &["there is no folder none"]);
     assert!(!folder.path("c.png").exists(), "it is tried before the work");
 }
@@ -497,7 +465,7 @@ fn a_preview_that_cant_be_written_is_a_warning() {
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_is_told_beforehand() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for flags in [
         "--integrator whitted -o a.png",
         "--samples 2 -o a.png",
@@ -514,8 +482,8 @@ fn memory_is_told_beforehand() {
         let said = folder.says(&format!("{run} --dry-run"), 0, &["\"peak\""]);
         let plan: serde_json::Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
         let told = plan["memory"]["peak"].as_f64().unwrap();
-        let script = format!("{} {run} 2>/dev/null & wait $!", env!("CARGO_BIN_EXE_canaletto"));
-        let mut shell = Command::new("sh").args(["-c", &script]).current_dir(folder.0.path()).spawn().unwrap();
+        let script = format!("{} {run} 2>/dev/null & wait $!", CANALETTO);
+        let mut shell = Command::new("sh").args(["-c", &script]).current_dir(folder.path("")).spawn().unwrap();
         let mut real = 0.0f64;
         while shell.try_wait().unwrap().is_none() {
             let children = fs::read_to_string(format!("/proc/{0}/task/{0}/children", shell.id())).unwrap_or_default();
@@ -553,10 +521,10 @@ box material="white" { min -2.1 1 -0.6; max -2 1.8 3 }
 /// pictures that go on have the same exposure, and files that are developed later take it over.
 #[test]
 fn a_room_is_a_photo_by_default() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     fs::write(folder.path("s.kdl"), ROOM).unwrap();
     folder.says("render s.kdl -o a.png", 0, &["auto exposure: "]);
-    let stops = folder.stops("a.png");
+    let stops = metered_stops(&folder, "a.png");
     assert!(stops > 2.0, "the room's own numbers are far too dark: {stops} stops");
     let shown = folder.picture("a.png").image.rgb().unwrap().map(<[f32]>::to_vec);
     let shares = |low: f32, high: f32| {
@@ -566,9 +534,9 @@ fn a_room_is_a_photo_by_default() {
     assert!(shares(0.25, 0.9) > 0.8, "{}", shares(0.25, 0.9));
     assert!(shares(0.0, 0.1) < 0.05, "{}", shares(0.0, 0.1));
     folder.says(&format!("render s.kdl -o b.png --exposure {stops} --tone agx"), 0, &[]);
-    folder.same("a.png", "b.png");
+    same(&folder, "a.png", "b.png");
     folder.says("render s.kdl -o b.png --crop 3,2,9,8 --samples 1 --seed 5", 0, &[]);
-    assert_eq!(folder.stops("b.png"), stops);
+    assert_eq!(metered_stops(&folder, "b.png"), stops);
     // An EXR holds light, whatever is said of exposure. Pictures that are made of it are developed like the PNG.
     folder.says("render s.kdl -o a.exr", 0, &[]);
     folder.says("render s.kdl -o b.exr --exposure 3 --tone clamp", 0, &[]);
@@ -576,10 +544,10 @@ fn a_room_is_a_photo_by_default() {
     folder.says("compare a.exr a.png", 0, &["the pictures are equal"]);
     folder.says("render s.kdl -o b.exr --samples 4", 0, &[]);
     folder.says("render s.kdl -o b.png --continue b.exr", 0, &[]);
-    folder.same("a.png", "b.png");
+    same(&folder, "a.png", "b.png");
     folder.says("denoise a.exr -o clean.png", 0, &[]);
-    assert_eq!(folder.text("clean.png", "exposure"), Some(stops.to_string()));
-    assert_eq!(folder.text("clean.png", "tone"), Some("agx".into()));
+    assert_eq!(text(&folder, "clean.png", "exposure"), Some(stops.to_string()));
+    assert_eq!(text(&folder, "clean.png", "tone"), Some("agx".into()));
     // 0 stops are told, so that the picture can be made again.
     folder.says("render s.kdl -o b.png --exposure 0", 0, &[]);
     folder.says("info b.png", 0, &["--exposure 0"]);
@@ -589,16 +557,16 @@ fn a_room_is_a_photo_by_default() {
 /// Keys on exposure and tone are followed.
 #[test]
 fn films_by_paths_do_not_flicker() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     let dusk = ROOM.replace("background 1 1.2 1.6", "background { key 1 4 4 4; key 4 0.5 0.5 0.5 }");
     let dusk = dusk.replace("size 36 24", "size 18 12").replace("samples 16", "samples 4");
     fs::write(folder.path("s.kdl"), format!("animation {{ frames 1 4 }}\n{dusk}")).unwrap();
     folder.says("render s.kdl --frames 1-4 -o f.#.png", 0, &[]);
-    let stops = folder.stops("f.1.png");
+    let stops = metered_stops(&folder, "f.1.png");
     let mean = |picture: &Decoded| picture.image.rgb().unwrap()[1].iter().sum::<f32>();
     let mut means = Vec::new();
     for frame in 1..=4 {
-        assert_eq!(folder.stops(&format!("f.{frame}.png")), stops);
+        assert_eq!(metered_stops(&folder, &format!("f.{frame}.png")), stops);
         means.push(mean(&folder.picture(&format!("f.{frame}.png"))));
     }
     assert!(means.windows(2).all(|pair| pair[1] < 0.95 * pair[0]), "{means:?}");
@@ -606,7 +574,7 @@ fn films_by_paths_do_not_flicker() {
     assert_eq!(folder.picture("one.3.png").image, folder.picture("f.3.png").image);
     folder.says("render s.kdl --frames 1-4 -o film.apng", 0, &[]);
     assert_eq!(folder.picture("film.apng").image, folder.picture("f.1.png").image);
-    assert_eq!(folder.stops("film.apng"), stops);
+    assert_eq!(metered_stops(&folder, "film.apng"), stops);
     folder.says("render s.kdl --frames 1-4 -o film.gif", 0, &[]);
     folder.says(&format!("render s.kdl --frames 1-4 -o given.gif --exposure {stops} --tone agx"), 0, &[]);
     assert!(fs::read(folder.path("film.gif")).unwrap() == fs::read(folder.path("given.gif")).unwrap());
@@ -617,7 +585,7 @@ fn films_by_paths_do_not_flicker() {
     );
     fs::write(folder.path("s.kdl"), format!("animation {{ frames 1 4 }}\n{keyed}")).unwrap();
     folder.says("render s.kdl --frames 1-4 -o k.#.png", 0, &[]);
-    let told = |frame: u32| ["exposure", "tone"].map(|key| folder.text(&format!("k.{frame}.png"), key).unwrap());
+    let told = |frame: u32| ["exposure", "tone"].map(|key| text(&folder, &format!("k.{frame}.png"), key).unwrap());
     assert_eq!(told(1), ["1", "agx"]);
     assert_eq!(told(3), ["3", "pbr-neutral"]);
     folder.says("render s.kdl --frames 1-4 -o film.apng", 0, &[]);

@@ -1,8 +1,10 @@
 //! Solutions of radiosity as files, and over the frames of films.
 
+mod support;
+
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
+use support::{CANALETTO, Folder};
 
 /// A room with two cameras; the first moves from frame 1 to frame 3.
 const ROOM: &str = r#"
@@ -25,58 +27,25 @@ environment "gradient" { stops -90 0.1 0.1 0.1  90 0.2 0.2 0.3 }
 const GRAIN: &[u8] = include_bytes!("../../../scenes/chapter/textures/checker.png");
 const OTHER_GRAIN: &[u8] = include_bytes!("../../../scenes/chapter/textures/laminate.png");
 
-struct Folder(tempfile::TempDir);
+/// A folder with a room and the grain of its floor.
+fn room() -> Folder {
+    let folder = Folder::new("room.kdl", ROOM);
+    folder.write("grain.png", GRAIN);
+    folder
+}
 
-impl Folder {
-    fn new() -> Folder {
-        let folder = Folder(tempfile::tempdir().unwrap());
-        folder.write("room.kdl", ROOM);
-        fs::write(folder.path("grain.png"), GRAIN).unwrap();
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        fs::write(self.path(name), text).unwrap();
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        fs::read(self.path(name)).unwrap()
-    }
-
-    fn run(&self, arguments: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path()).output().unwrap()
-    }
-
-    /// Runs a command and expects an exit code and words on stderr or stdout.
-    #[track_caller]
-    fn says(&self, arguments: &str, code: i32, words: &[&str]) -> String {
-        let output = self.run(arguments);
-        let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert_eq!(output.status.code(), Some(code), "{text}");
-        for word in words {
-            assert!(text.contains(word), "{word:?} isn't in:\n{text}");
-        }
-        text
-    }
-
-    /// Whether a picture has the bytes of another.
-    #[track_caller]
-    fn equal(&self, a: &str, b: &str) {
-        assert!(self.bytes(a) == self.bytes(b), "{a} and {b} differ");
-    }
+/// Asserts that a file has the bytes of another.
+#[track_caller]
+fn equal(folder: &Folder, a: &str, b: &str) {
+    assert!(folder.bytes(a) == folder.bytes(b), "{a} and {b} differ");
 }
 
 #[test]
 fn a_saved_solution_makes_the_pictures_that_solving_makes() {
-    let folder = Folder::new();
+    let folder = room();
     folder.says("render room.kdl -o one.png --save-solution room.rad", 0, &["one.png"]);
     folder.says("render room.kdl -o plain.png -q", 0, &[]);
-    folder.equal("one.png", "plain.png");
+    equal(&folder, "one.png", "plain.png");
     let others = [
         "",
         "--camera two",
@@ -90,16 +59,16 @@ fn a_saved_solution_makes_the_pictures_that_solving_makes() {
             folder.says(&format!("render room.kdl -o a.png --solution room.rad --progress json {other}"), 0, &[]);
         assert!(json.contains("\"solution\":\"read\""), "{json}");
         folder.says(&format!("render room.kdl -o b.png -q {other}"), 0, &[]);
-        folder.equal("a.png", "b.png");
+        equal(&folder, "a.png", "b.png");
     }
     // Saving again gives the same bytes.
     folder.says("render room.kdl -o c.png --save-solution again.rad -q --camera two --threads 1", 0, &[]);
-    folder.equal("room.rad", "again.rad");
+    equal(&folder, "room.rad", "again.rad");
 }
 
 #[test]
 fn a_solution_of_a_scene_that_changed_is_refused_with_the_reason() {
-    let folder = Folder::new();
+    let folder = room();
     folder.says("render room.kdl -o one.png -q --save-solution room.rad", 0, &[]);
     let refused = |edit: &str, what: &str| {
         let why = format!("--solution room.rad: {what} changed since the solution was made");
@@ -116,7 +85,7 @@ fn a_solution_of_a_scene_that_changed_is_refused_with_the_reason() {
     folder.says("render room.kdl --solution room.rad --set integrator.method=full", 3, &[settings]);
     let edited = |from: &str, to: &str| {
         assert!(ROOM.contains(from));
-        folder.write("room.kdl", &ROOM.replace(from, to));
+        folder.write("room.kdl", ROOM.replace(from, to));
     };
     edited("material=\"wall\" { center", "material=\"paper\" { center");
     refused("", "the choice of objects' materials");
@@ -129,7 +98,7 @@ fn a_solution_of_a_scene_that_changed_is_refused_with_the_reason() {
 
 #[test]
 fn files_that_are_no_solutions_are_refused() {
-    let folder = Folder::new();
+    let folder = room();
     folder.says("render room.kdl -o one.png -q --save-solution room.rad", 0, &[]);
     let solution = folder.bytes("room.rad");
     let refused = |bytes: &[u8], why: &str| {
@@ -153,7 +122,7 @@ fn files_that_are_no_solutions_are_refused() {
 
 #[test]
 fn no_output_is_lost() {
-    let folder = Folder::new();
+    let folder = room();
     let wrong = |arguments: &str, code: i32, words: &[&str]| {
         let text = folder.says(&format!("render room.kdl {arguments}"), code, words);
         assert!(folder.bytes("room.kdl") == ROOM.as_bytes(), "{text}");
@@ -183,12 +152,12 @@ fn no_output_is_lost() {
 
 #[test]
 fn a_walk_through_film_solves_once() {
-    let folder = Folder::new();
+    let folder = room();
     let film = "render room.kdl --frames all -o f.#.png --save-solution room.rad";
     folder.says(film, 0, &["3 frames rendered, radiosity solved once"]);
     for frame in 1..=3 {
         folder.says(&format!("render room.kdl --frames {frame} -o g.#.png -q"), 0, &[]);
-        folder.equal(&format!("f.{frame}.png"), &format!("g.{frame}.png"));
+        equal(&folder, &format!("f.{frame}.png"), &format!("g.{frame}.png"));
     }
     assert!(folder.bytes("f.1.png") != folder.bytes("f.3.png"));
     // Complete frames are kept, whether they were solved for or not.
@@ -196,10 +165,10 @@ fn a_walk_through_film_solves_once() {
     assert!(json.contains("\"solves\":0"), "{json}");
     // A solution that isn't saved yet takes one frame.
     folder.says("render room.kdl --frames all -o g.#.png --save-solution other.rad", 0, &["1 frame rendered, 2 comp"]);
-    folder.equal("other.rad", "room.rad");
+    equal(&folder, "other.rad", "room.rad");
     let json = folder.says("render room.kdl --frames all -o h.#.png --progress json --solution room.rad", 0, &[]);
     assert_eq!(json.matches("\"solution\":\"read\"").count(), 3);
-    (1..=3).for_each(|frame| folder.equal(&format!("f.{frame}.png"), &format!("h.{frame}.png")));
+    (1..=3).for_each(|frame| equal(&folder, &format!("f.{frame}.png"), &format!("h.{frame}.png")));
     let json = folder.says("render room.kdl --frames all -o i.apng --progress json", 0, &["\"solves\":1"]);
     let of = |word: &str| json.matches(&format!("\"solution\":\"{word}\"")).count();
     assert_eq!((of("solved"), of("kept"), of("read")), (1, 2, 0));
@@ -207,7 +176,7 @@ fn a_walk_through_film_solves_once() {
 
 #[test]
 fn a_film_of_a_scene_that_changes_solves_for_each_change() {
-    let folder = Folder::new();
+    let folder = room();
     // The lamp brightens after frame 2.
     let brighter = ROOM.replace("intensity 0.2", "intensity { key 2 0.2; key 3 0.3; ease \"linear\" }");
     folder.write("room.kdl", &brighter);
@@ -218,7 +187,7 @@ fn a_film_of_a_scene_that_changes_solves_for_each_change() {
     );
     for frame in 1..=3 {
         folder.says(&format!("render room.kdl --frames {frame} -o g.#.png -q"), 0, &[]);
-        folder.equal(&format!("f.{frame}.png"), &format!("g.{frame}.png"));
+        equal(&folder, &format!("f.{frame}.png"), &format!("g.{frame}.png"));
     }
     let words = ["--save-solution room.rad: one solution doesn't serve all frames; the lights changed", "(at frame 3)"];
     folder.says("render room.kdl --frames all -o h.#.png --save-solution room.rad", 2, &words);
@@ -230,14 +199,13 @@ fn a_film_of_a_scene_that_changes_solves_for_each_change() {
 
 #[test]
 fn scenes_that_are_equal_without_their_cameras_share_a_solution() {
-    let folder = Folder::new();
-    folder
-        .write("other.kdl", &ROOM.replace("eye 1.2 0.8", "eye 1.3 0.9").replace("camera \"one\"", "camera \"first\""));
+    let folder = room();
+    folder.write("other.kdl", ROOM.replace("eye 1.2 0.8", "eye 1.3 0.9").replace("camera \"one\"", "camera \"first\""));
     let json = folder.says("render room.kdl other.kdl --camera two --progress json", 0, &[]);
     assert!(json.contains("\"solution\":\"solved\"") && json.contains("\"solution\":\"kept\""), "{json}");
     for name in ["room", "other"] {
         folder.says(&format!("render {name}.kdl --camera two -q -o alone.png"), 0, &[]);
-        folder.equal(&format!("{name}.png"), "alone.png");
+        equal(&folder, &format!("{name}.png"), "alone.png");
     }
 }
 
@@ -249,7 +217,7 @@ fn events(json: &str, kind: &str) -> Vec<serde_json::Value> {
 
 #[test]
 fn solving_tells_of_its_phases() {
-    let folder = Folder::new();
+    let folder = room();
     let phases = |arguments: &str| {
         let json = folder.says(&format!("render room.kdl -o a.png --progress json {arguments}"), 0, &[]);
         let events = events(&json, "solving");
@@ -270,7 +238,7 @@ fn solving_tells_of_its_phases() {
 
 #[test]
 fn steps_of_shooting_are_pictures_that_approach_the_last_one() {
-    let folder = Folder::new();
+    let folder = room();
     let shooting = "render room.kdl -o room.png --set integrator.method=shooting --set integrator.error=0.3";
     let json = folder.says(&format!("{shooting} --shooting-steps s.####.png --progress json"), 0, &[]);
     let written = events(&json, "step");
@@ -291,14 +259,14 @@ fn steps_of_shooting_are_pictures_that_approach_the_last_one() {
     assert!(far > 0.0 && distance(steps.last().unwrap()) < far / 4.0, "{far} {}", distance(steps.last().unwrap()));
     // The solution is the same with and without pictures of steps.
     folder.says(&shooting.replace("room.png", "plain.png"), 0, &[]);
-    folder.equal("room.png", "plain.png");
+    equal(&folder, "room.png", "plain.png");
     folder.says(&format!("{shooting} -q --shooting-steps t.#.exr --shooting-every 5"), 0, &[]);
     assert!(folder.path("t.5.exr").exists() && folder.path("t.10.exr").exists() && !folder.path("t.1.exr").exists());
 }
 
 #[test]
 fn steps_replace_nothing_else() {
-    let folder = Folder::new();
+    let folder = room();
     let wrong = |arguments: &str, code: i32, words: &[&str]| {
         let shooting = "--set integrator.method=shooting --set integrator.error=0.5";
         folder.says(&format!("render room.kdl {shooting} {arguments}"), code, words);
@@ -313,7 +281,7 @@ fn steps_replace_nothing_else() {
     folder.says("render room.kdl --integrator whitted --shooting-steps s.#.png", 2, &["for the integrator radiosity"]);
     // A step's picture would replace the texture.
     fs::write(folder.path("grain.1.png"), GRAIN).unwrap();
-    folder.write("room.kdl", &ROOM.replace("grain.png", "grain.1.png"));
+    folder.write("room.kdl", ROOM.replace("grain.png", "grain.1.png"));
     wrong("--shooting-steps grain.#.png", 2, &["--shooting-steps grain.1.png would replace a file that is read"]);
     assert!(folder.bytes("grain.1.png") == GRAIN);
     fs::write(folder.path("s.1.png"), "old").unwrap();
@@ -323,8 +291,8 @@ fn steps_replace_nothing_else() {
 
 #[test]
 fn ambient_light_that_is_not_added_is_told_of() {
-    let folder = Folder::new();
-    folder.write("room.kdl", &format!("{ROOM}ambient 0.2\n"));
+    let folder = room();
+    folder.write("room.kdl", format!("{ROOM}ambient 0.2\n"));
     let sentence = "ambient 0.2 0.2 0.2 is not added: radiosity computes what ambient stands for";
     folder.says("render room.kdl -o a.png", 0, &[sentence]);
     folder.says("check room.kdl", 0, &[sentence]);
@@ -338,10 +306,10 @@ fn solving_can_be_stopped() {
     use std::io::{BufRead, BufReader};
     use std::process::Stdio;
     use std::time::{Duration, Instant};
-    let folder = Folder::new();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_canaletto"));
+    let folder = room();
+    let mut command = Command::new(CANALETTO);
     let arguments = "render room.kdl -o a.png --set integrator.error=0.0005 --progress json --save-solution a.rad";
-    command.args(arguments.split_whitespace()).current_dir(folder.0.path()).stderr(Stdio::piped());
+    command.args(arguments.split_whitespace()).current_dir(folder.path("")).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     assert!(lines.any(|line| line.contains("\"phase\":\"links\"")));
@@ -356,7 +324,7 @@ fn solving_can_be_stopped() {
 
 #[test]
 fn explanations_and_measurements_take_a_solution() {
-    let folder = Folder::new();
+    let folder = room();
     folder.says("render room.kdl -q -o a.png --save-solution a.rad", 0, &[]);
     let explain = "explain room.kdl -p 8,9 --camera two --json";
     let solved = folder.says(explain, 0, &["\"sum\""]);
@@ -385,7 +353,7 @@ fn explanations_and_measurements_take_a_solution() {
 
 #[test]
 fn points_are_measured_in_the_order_of_their_file() {
-    let folder = Folder::new();
+    let folder = room();
     folder.write(
         "dim.kdl",
         "material \"lit\" { kd 0; emission 1 }\nsphere material=\"lit\" { center 0 2 0; radius 0.5 }\n",
@@ -411,7 +379,7 @@ fn points_are_measured_in_the_order_of_their_file() {
 
 #[test]
 fn files_of_points_that_cant_be_read_are_errors() {
-    let folder = Folder::new();
+    let folder = room();
     let measure = "measure room.kdl -q --rays 16 --points";
     folder.write("wrong.csv", "0 0 0 0 1 0\n0,0,abc,0,1,0\n0 0 0 0 0 0\n");
     let wrong = ["z: \"abc\" is no number", "wrong.csv:2:5", "wrong.csv:3:1", "nz is zero", "2 errors"];
@@ -427,7 +395,7 @@ fn files_of_points_that_cant_be_read_are_errors() {
 
 #[test]
 fn compared_methods_solve_once() {
-    let folder = Folder::new();
+    let folder = room();
     let compared = "compare-methods room.kdl --methods zbuffer,radiosity,whitted -o c.png --progress json";
     let json = folder.says(compared, 0, &[]);
     let begun = events(&json, "solving").iter().filter(|event| event["phase"] == "patches").count();
