@@ -16,7 +16,7 @@ use canaletto::{InstructionSet, Ray};
 use canaletto_io::assets::{FolderAssets, MemoryAssets};
 use canaletto_io::text::read_scene;
 use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
-use canaletto_tests::root;
+use canaletto_tests::{Random, root};
 use glam::{DVec3, Vec3};
 
 /// A scene of few primitives, each of which is tested with whole ray batches. There are plain, rotated, mirroring and
@@ -103,8 +103,8 @@ fn loose_things(count: usize) -> Scene {
 fn many_things(moves: bool) -> Scene {
     let (mut random, mut scene) = (Random(9), few_things(moves));
     for n in 0..60 {
-        let place = Transform::translate(random.vector().as_dvec3() * 1.5)
-            .after(&Transform::rotate(random.vector().as_dvec3(), 90.0).unwrap())
+        let place = Transform::translate(random.cube().as_dvec3() * 1.5)
+            .after(&Transform::rotate(random.cube().as_dvec3(), 90.0).unwrap())
             .after(&Transform::scale(DVec3::new(0.4, 0.3, 0.5)).unwrap());
         let mut node =
             Node::new(Content::Mesh(1 + n % 2)).with_material([0, 0, 1, 2][n as usize % 4]).with_transform(&place);
@@ -123,32 +123,18 @@ fn many_things(moves: bool) -> Scene {
     scene
 }
 
-struct Random(u32);
-
-impl Random {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        let x = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
-        ((x >> 22) ^ x) as f32 / u32::MAX as f32 * 2.0 - 1.0
-    }
-
-    fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.next(), self.next(), self.next())
-    }
-}
-
 /// Clouds of `count` spheres and `count` cylinders, of clay and of glass; the glass ones are rotated. A small cloud is
 /// tested with whole batches, a larger one ray by ray, and a large one in packets.
 fn clouds(count: usize) -> Scene {
-    let mut random = Random(count as u32);
+    let mut random = Random(count as u64);
     let mut spheres = || SphereCloud {
-        centers: (0..count).map(|_| random.vector()).collect(),
+        centers: (0..count).map(|_| random.cube()).collect(),
         radii: vec![0.8 / (count as f32).cbrt()],
         ..SphereCloud::default()
     };
     let spheres = vec![spheres(), spheres()];
     let mut cylinders = || CylinderCloud {
-        axes: (0..count).map(|_| [random.vector(), random.vector()]).collect(),
+        axes: (0..count).map(|_| [random.cube(), random.cube()]).collect(),
         radii: vec![0.2 / (count as f32).cbrt()],
         ..CylinderCloud::default()
     };
@@ -169,12 +155,12 @@ fn bundles(count: usize) -> impl Iterator<Item = Vec<(Ray, f32)>> {
     let mut random = Random(5);
     (0..count).map(move |n| {
         let spread = [0.0, 0.003, 0.1, 1.0][n % 4];
-        let (origin, to) = (random.vector() * 3.0 + Vec3::Y, random.vector());
+        let (origin, to) = (random.cube() * 3.0 + Vec3::Y, random.cube());
         let axis = n % 7 == 0;
         (0..1 + n % 50)
             .map(|i| {
-                let origin = origin + random.vector() * spread;
-                let mut direction = to + random.vector() * spread - origin;
+                let origin = origin + random.cube() * spread;
+                let mut direction = to + random.cube() * spread - origin;
                 if axis && i % 5 == 0 {
                     direction.x = 0.0;
                 }

@@ -18,31 +18,10 @@ use canaletto::world::{Hit, World};
 use canaletto_bvh::Ray;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene_text;
-use canaletto_tests::assert_same_picture;
 use canaletto_tests::gallery::{still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
+use canaletto_tests::{Random, assert_same_picture};
 use glam::{DVec3, Vec2, Vec3};
-
-/// Pseudo-random numbers, equal in every run (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
-    }
-
-    fn within(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.unit()
-    }
-
-    fn cube(&mut self) -> Vec3 {
-        Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
-    }
-}
 
 /// A shape of any kind around a point.
 fn shape(random: &mut Random, kind: u32) -> Shape {

@@ -1,11 +1,13 @@
 //! Helpers shared by the tests: the scenes folder and an independent reference renderer.
 
 pub mod gallery;
+mod random;
 pub mod reference;
 mod same_picture;
 pub mod student;
 pub mod textured;
 
+pub use random::Random;
 pub use same_picture::assert_same_picture;
 
 use canaletto::scene::{Developing, FilmSettings};
