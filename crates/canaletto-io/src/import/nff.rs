@@ -417,5 +417,4 @@ impl<'a> NffTokens<'a> {
 }
 
 #[cfg(test)]
-#[path = "nff_tests.rs"]
 mod tests;

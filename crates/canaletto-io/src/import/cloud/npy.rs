@@ -489,5 +489,4 @@ impl Record {
 }
 
 #[cfg(test)]
-#[path = "npy_tests.rs"]
 mod tests;

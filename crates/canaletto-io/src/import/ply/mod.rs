@@ -530,5 +530,4 @@ fn index(entry: f64, count: usize) -> Result<u32, String> {
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
 mod tests;

@@ -1,7 +1,5 @@
 //! The decoder from nodes to a [`Scene`]. It reports every mistake and continues with the next node.
 
-#[cfg(test)]
-mod name_tests;
 mod names;
 mod object;
 mod roll;

@@ -153,3 +153,6 @@ fn report_cycles(names: &Names, edges: &HashMap<&str, Vec<(&str, Span)>>, valida
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
