@@ -187,5 +187,4 @@ impl<'a> Average<'a> {
 }
 
 #[cfg(test)]
-#[path = "average_hemicube_tests.rs"]
 mod tests;

@@ -165,5 +165,4 @@ pub fn form_factors(
 }
 
 #[cfg(test)]
-#[path = "between_tests.rs"]
 mod tests;

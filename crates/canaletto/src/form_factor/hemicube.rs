@@ -142,5 +142,4 @@ pub(super) fn draw(
 }
 
 #[cfg(test)]
-#[path = "hemicube_tests.rs"]
 mod tests;

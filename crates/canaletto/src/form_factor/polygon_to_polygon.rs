@@ -209,5 +209,4 @@ fn triangle_mean(rule: &[[f64; 2]], f: impl Fn([f64; 2]) -> f64) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "polygon_to_polygon_tests.rs"]
 mod tests;

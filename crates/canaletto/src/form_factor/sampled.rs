@@ -412,5 +412,4 @@ impl Estimate {
 }
 
 #[cfg(test)]
-#[path = "sampled_tests.rs"]
 mod tests;

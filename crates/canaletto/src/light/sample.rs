@@ -152,5 +152,4 @@ impl PreparedLight {
 }
 
 #[cfg(test)]
-#[path = "sample_tests.rs"]
 mod tests;

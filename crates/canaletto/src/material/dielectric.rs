@@ -250,5 +250,4 @@ impl SeenDielectric {
 }
 
 #[cfg(test)]
-#[path = "dielectric_tests.rs"]
 mod tests;

@@ -337,5 +337,4 @@ fn around(p: DVec3, [x, y, z]: [DVec3; 3]) -> TexCoord {
 }
 
 #[cfg(test)]
-#[path = "mapping_tests.rs"]
 mod tests;

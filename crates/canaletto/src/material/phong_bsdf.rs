@@ -262,5 +262,4 @@ fn around(z: DVec3, local: DVec3) -> DVec3 {
 }
 
 #[cfg(test)]
-#[path = "phong_bsdf_tests.rs"]
 mod tests;

@@ -412,5 +412,4 @@ fn smooth_over_seams(mesh: &mut Mesh) {
 }
 
 #[cfg(test)]
-#[path = "displace_tests.rs"]
 mod tests;

@@ -338,5 +338,4 @@ fn lift(point: DVec3, corners: [Vec3; 3], normals: [DVec3; 3], weights: [f64; 3]
 }
 
 #[cfg(test)]
-#[path = "mesh_tests.rs"]
 mod tests;

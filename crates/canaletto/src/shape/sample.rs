@@ -395,5 +395,4 @@ impl TorusForm {
 }
 
 #[cfg(test)]
-#[path = "sample_tests.rs"]
 mod tests;

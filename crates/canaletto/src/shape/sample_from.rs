@@ -316,5 +316,4 @@ impl SeenBox {
 }
 
 #[cfg(test)]
-#[path = "sample_from_tests.rs"]
 mod tests;

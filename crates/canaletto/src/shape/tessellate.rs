@@ -620,5 +620,4 @@ impl Places {
 }
 
 #[cfg(test)]
-#[path = "tessellate_tests.rs"]
 mod tests;
