@@ -41,12 +41,14 @@ pub struct ScatteringFrame {
     pub outside: bool,
     /// The ratio ηᵢ/ηₜ of the coefficients of refraction on the viewer's side and on the other side.
     pub eta_ratio: f64,
+    /// Whether the body on the other side is known, or none is needed. Nothing passes an open surface.
+    pub is_closed: bool,
 }
 
 impl ScatteringFrame {
     /// A flat surface that is seen from its outer side.
     pub fn flat(normal: DVec3, eta_ratio: f64) -> ScatteringFrame {
-        ScatteringFrame { normal, facing: normal, tangent: DVec3::ZERO, outside: true, eta_ratio }
+        ScatteringFrame { normal, facing: normal, tangent: DVec3::ZERO, outside: true, eta_ratio, is_closed: true }
     }
 
     /// The axes of microfacets that are alike in all directions, for these normals.

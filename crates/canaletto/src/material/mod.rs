@@ -197,10 +197,14 @@ impl Material {
     /// The scattering at a point of the material.
     pub fn bsdf(&self, point: &MaterialPoint, frame: ScatteringFrame) -> Bsdf {
         match &point.model {
-            MaterialModel::Phong(phong) if phong.is_diffuse() => {
-                Bsdf::Diffuse(DiffuseBsdf { kd: phong.kd, normal: frame.normal, facing: frame.facing })
+            MaterialModel::Phong(phong) => {
+                let bounded = phong.bounded();
+                let phong = Phong { opacity: if frame.is_closed { bounded.opacity } else { 1.0 }, ..bounded };
+                match phong.is_diffuse() {
+                    true => Bsdf::Diffuse(DiffuseBsdf { kd: phong.kd, normal: frame.normal, facing: frame.facing }),
+                    false => Bsdf::Phong(PhongBsdf::new(phong, frame)),
+                }
             }
-            MaterialModel::Phong(phong) => Bsdf::Phong(PhongBsdf::new(*phong, frame)),
             MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
             MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),
             MaterialModel::Standard(standard) => {

@@ -60,14 +60,15 @@ impl Phong {
         self.ks.is_black() && self.k.is_black() && self.opacity >= 1.0
     }
 
-    /// Scales all that scatters light, so that no more light leaves than arrives ([`Phong::largest_albedo`]).
-    pub(crate) fn bound_albedo(&mut self) {
+    /// All that scatters light scaled, so that no more light leaves than arrives ([`Phong::largest_albedo`]).
+    pub(crate) fn bounded(&self) -> Phong {
         let albedo = self.largest_albedo();
-        if albedo > 1.0 {
-            let scale = 1.0 / albedo;
-            (self.kd, self.ks, self.k) = (self.kd * scale, self.ks * scale, self.k * scale);
-            self.opacity = 1.0 - (1.0 - self.opacity) * scale;
+        if albedo <= 1.0 {
+            return *self;
         }
+        let scale = 1.0 / albedo;
+        let opacity = 1.0 - (1.0 - self.opacity) * scale;
+        Phong { kd: self.kd * scale, ks: self.ks * scale, k: self.k * scale, opacity, ..*self }
     }
 
     /// Checks every number's range.

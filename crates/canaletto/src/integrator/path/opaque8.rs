@@ -89,8 +89,8 @@ impl OpaqueMaterial {
 
 /// The diffuse colour at a point, if the material there has nothing else.
 fn diffuse_color(point: MaterialPoint) -> Option<Rgb> {
-    let MaterialModel::Phong(mut phong) = point.model else { return None };
-    phong.bound_albedo();
+    let MaterialModel::Phong(phong) = point.model else { return None };
+    let phong = phong.bounded();
     phong.is_diffuse().then_some(phong.kd)
 }
 

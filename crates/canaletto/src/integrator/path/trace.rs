@@ -13,7 +13,7 @@ use crate::integrator::media::{NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
 use crate::material::{
-    HenyeyGreenstein, Lobe, MaterialModel, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf,
+    HenyeyGreenstein, Lobe, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf,
 };
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
@@ -609,21 +609,15 @@ impl PathTracer<'_> {
             Some(Refraction::Outer(outer)) => eta / outer,
             Some(Refraction::Straight) | None => 1.0,
         };
-        let mut material = met.material;
-        if let MaterialModel::Phong(phong) = &mut material.model {
-            phong.bound_albedo();
-        }
-        if crossing.is_none() {
-            // Nothing is known of what lies beyond, so nothing passes, as in the classic integrator.
-            material.model.phong_mut().opacity = 1.0;
-        }
         let tangent = match described.is_anisotropic() {
             true => self.world.surface_differential(met.line, &met.hit).tangents(met.surface.normal)[0],
             false => DVec3::ZERO,
         };
         let Frame { normal, facing, outside, .. } = frame;
-        let bsdf = described.bsdf(&material, ScatteringFrame { normal, facing, tangent, outside, eta_ratio });
-        let opaque = crossing.is_none().then_some(frame.normal);
+        let is_closed = crossing.is_some();
+        let scattering = ScatteringFrame { normal, facing, tangent, outside, eta_ratio, is_closed };
+        let bsdf = described.bsdf(&met.material, scattering);
+        let opaque = (!is_closed).then_some(frame.normal);
         let is_delta = bsdf.is_delta();
         let guide = self.guide.filter(|_| !is_delta).and_then(|field| field.at(frame.exact, opaque));
         SurfaceVertex { hit: met, frame, bsdf: bsdf.seen_from(frame.wo), is_delta, guide, crossing }

@@ -1,5 +1,5 @@
 use super::super::Bsdf;
-use super::super::bsdf_tests::{bsdf_of, check_sampling, sphere_integral};
+use super::super::bsdf_tests::{check_sampling, sphere_integral};
 use super::*;
 use crate::shape::testing::Random;
 use std::f64::consts::PI;
@@ -19,8 +19,9 @@ fn direction(random: &mut Random) -> DVec3 {
     DVec3::new(across * angle.cos(), across * angle.sin(), z)
 }
 
+/// Phong's model without a bound of its light.
 fn bsdf(phong: Phong, frame: ScatteringFrame) -> Bsdf {
-    bsdf_of(phong, frame)
+    Bsdf::Phong(PhongBsdf::new(phong, frame))
 }
 
 fn flat(eta_ratio: f64) -> ScatteringFrame {

@@ -75,8 +75,7 @@ impl StandardBsdf {
     ) -> StandardBsdf {
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_film, thin_walled, .. } =
             *surface;
-        // Nothing passes an open surface, of whose other side nothing is known.
-        let is_clear = transmission.weight > 0.0 && (thin_walled || point.phong.opacity < 1.0);
+        let is_clear = transmission.weight > 0.0 && (thin_walled || frame.is_closed && point.phong.opacity < 1.0);
         let from_inside = is_clear && !thin_walled && !frame.outside;
         // From inside a clear body only the base's boundary is met.
         let coat_weight = if from_inside { 0.0 } else { coat.weight };
