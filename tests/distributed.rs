@@ -252,7 +252,7 @@ fn rough_mirrors_scatter_by_the_ggx_density() {
     let wo = eye.normalize();
     for roughness in [0.2f32, 0.5, 0.8] {
         let mut materials = white();
-        materials[1].model.phong_mut().roughness = roughness;
+        materials[1].model.phong_mut().unwrap().roughness = roughness;
         let floor = Shape::Disk(Disk { center: Vec3::ZERO, normal: Vec3::Y, radius: 0.01 });
         let nodes = vec![Node::from(floor).with_material(1), ball(center.as_vec3(), radius as f32)];
         let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };
@@ -301,8 +301,8 @@ fn rough_surfaces_scatter_as_their_bsdf_evaluates() {
             let scene = Scene { materials, nodes, ambient: Rgb::WHITE, ..Scene::default() };
             let found = pixel(scene, &narrow(eye, DVec3::ZERO), 1 << 14, Stage::Full);
             let frame = ScatteringFrame::flat(DVec3::Y, 1.0 / 1.3);
-            let bsdf = Material::new("test", phong)
-                .bsdf(&MaterialPoint { model: phong.into(), ..MaterialPoint::default() }, frame);
+            let bsdf =
+                Material::new("test", phong).bsdf(&MaterialPoint { classic: phong, ..MaterialPoint::default() }, frame);
             // Directions of the cone in which the ball is seen, in cells of equal solid angle.
             let axis = center.normalize();
             let (x, y) = axis.any_orthonormal_pair();

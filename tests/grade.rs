@@ -242,7 +242,7 @@ fn sphere<'a>(scene: &'a mut Scene, name: &str) -> &'a mut Sphere {
 }
 
 fn phong<'a>(scene: &'a mut Scene, name: &str) -> &'a mut Phong {
-    scene.materials.iter_mut().find(|material| material.name == name).unwrap().model.phong_mut()
+    scene.materials.iter_mut().find(|material| material.name == name).unwrap().model.phong_mut().unwrap()
 }
 
 fn light(scene: &mut Scene, number: usize) -> &mut Light {
@@ -265,7 +265,7 @@ fn divide_kd(scene: &mut Scene, by: f32) {
     // The ambient term stays.
     scene.ambient *= by;
     scene.materials.iter_mut().for_each(|material| {
-        let phong = material.model.phong_mut();
+        let phong = material.model.phong_mut().unwrap();
         phong.kd *= 1.0 / by;
     });
 }
@@ -355,7 +355,7 @@ fn wrong_lobes_are_never_right() {
         for factor in [0.5, 2.0] {
             let mut other = own.clone();
             other.materials.iter_mut().for_each(|material| {
-                let phong = material.model.phong_mut();
+                let phong = material.model.phong_mut().unwrap();
                 phong.ks *= factor;
             });
             let picture = StudentTracer::new(&other, Stage::Full, None).picture(SIZE, 1);
@@ -409,7 +409,7 @@ fn filtered_wrong_lobes_are_never_right() {
     let right = cases.par_iter().enumerate().filter_map(|(i, (path, (name, planted, change)))| {
         let own = scene(path);
         let mut other = own.clone();
-        other.materials.iter_mut().for_each(|material| change(material.model.phong_mut()));
+        other.materials.iter_mut().for_each(|material| change(material.model.phong_mut().unwrap()));
         // Tents of both radii, and the Gaussian.
         let filter = &SplatFilter::ALL[1 + i % 3];
         let picture = StudentTracer::new(&other, Stage::Full, *planted).splatted(SIZE, filter, 64, 1);

@@ -206,7 +206,7 @@ fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
                     terms.map(|sum| sum.sum().to_array())
                 );
             }
-            let kd = hit.model.phong().kd;
+            let kd = hit.phong.kd;
             assert_eq!(Some(light.reflected(kd)), hit.ambient);
         }
     }

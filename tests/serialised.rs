@@ -1,7 +1,7 @@
 //! The names in a serialised scene stay, so that stored scenes can be read again.
 
 use canaletto::light::{DiskLight, Light, LightKind, RectangleLight, SphereLight};
-use canaletto::material::{Material, Parameter, Phong, Target, TextureUse};
+use canaletto::material::{Conductor, Dielectric, Material, Parameter, Phong, StandardSurface, Target, TextureUse};
 use canaletto::math::Rgb;
 use canaletto::shape::{Disk, Parallelogram, Sphere};
 use glam::Vec3;
@@ -64,4 +64,15 @@ fn a_material_names_its_model_and_its_targets() {
     for (i, (_, expected)) in targets.iter().enumerate() {
         assert_eq!(&written["textures"][i]["target"], expected);
     }
+}
+
+#[test]
+fn each_model_keeps_its_own_numbers() {
+    let gold = Conductor { roughness: 0.25, ..Conductor::named("gold").unwrap() };
+    let written = serialised(&Material::new("m", gold));
+    assert_eq!((&written["conductor"]["roughness"], &written["phong"]), (&json!(0.25), &Value::Null));
+    assert_eq!(serialised(&Material::new("m", Dielectric::new(1.5)))["dielectric"]["eta"], json!(1.5));
+    let mut surface = StandardSurface::default();
+    surface.coat.weight = 0.5;
+    assert_eq!(serialised(&Material::new_standard("m", surface))["standard"]["coat"]["weight"], json!(0.5));
 }

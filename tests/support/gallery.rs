@@ -188,7 +188,9 @@ pub fn distributed_still_life(scale: f32) -> Scene {
         node.motion = motion.into();
     }
     // Mirrors and glass are rough.
-    (scene.materials[2].model.phong_mut().roughness, scene.materials[3].model.phong_mut().roughness) = (0.3, 0.4);
+    for (material, roughness) in scene.materials[2..].iter_mut().zip([0.3, 0.4]) {
+        material.model.phong_mut().unwrap().roughness = roughness;
+    }
     // The lamp's parts move in the lamp, which moves in its copies.
     if let Content::Group(parts) = &mut scene.prototypes[0].content {
         parts[0].motion = vec![Transform::IDENTITY, step(0.0, 0.2, 0.0)].into();

@@ -45,7 +45,7 @@ impl<'a> Reference<'a> {
         match &node.content {
             Content::Shape(shape) => {
                 let material = node.material.expect("the chapter's objects have materials") as usize;
-                self.objects.push((*shape, *self.scene.materials[material].phong()));
+                self.objects.push((*shape, self.scene.materials[material].classic()));
             }
             Content::Light(light) => {
                 let LightKind::Omni(omni) = &light.kind else { panic!("the reference knows omni lights only") };

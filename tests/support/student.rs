@@ -178,7 +178,7 @@ impl<'a> StudentTracer<'a> {
         match &node.content {
             Content::Shape(shape) => {
                 let material = node.material.expect("objects have materials") as usize;
-                self.objects.push((*shape, *self.scene.materials[material].phong()));
+                self.objects.push((*shape, self.scene.materials[material].classic()));
             }
             Content::Light(light) => {
                 let (position, w) = match &light.kind {

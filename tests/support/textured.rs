@@ -93,9 +93,9 @@ pub fn textured_still_life(scale: f32) -> Scene {
     red.textures.retain(|t| t.target != Target::Replace);
     red.textures.push(on(1, Target::Decal, solid(Space::Object)));
     red.textures.push(TextureUse { range: [0.0, 1.5], ..on(1, Target::Parameter(Parameter::Emission), uv) });
-    glass.model.phong_mut().emission = Rgb::new(0.02, 0.01, 0.04);
+    glass.model.phong_mut().unwrap().emission = Rgb::new(0.02, 0.01, 0.04);
     glass.two_sided = true;
-    blue.model.phong_mut().emission = Rgb::new(0.0, 0.1, 0.0);
+    blue.model.phong_mut().unwrap().emission = Rgb::new(0.0, 0.1, 0.0);
     let mut mesh = icosphere(1, 0.5 * scale, true);
     mesh.uvs = mesh.positions.iter().map(|p| Vec2::new(p.x, p.y + p.z) / scale).collect();
     scene.meshes[0] = mesh;

@@ -74,8 +74,8 @@ fn count(path: &Path) -> Result<RayCounts, String> {
     let (assets, name) = FolderAssets::beside(path).map_err(|e| e.to_string())?;
     let (mut scene, _) = canaletto_io::import::load(&name, &assets).map_err(|diagnostics| diagnostics.to_string())?;
     for material in &mut scene.materials {
-        if material.phong().opacity < 1.0 && material.phong().k.is_black() {
-            material.model.phong_mut().k = Rgb::gray(f32::MIN_POSITIVE);
+        if let Some(phong) = material.model.phong_mut().filter(|phong| phong.opacity < 1.0 && phong.k.is_black()) {
+            phong.k = Rgb::gray(f32::MIN_POSITIVE);
         }
     }
     let camera = corners_of_512(&scene.views[0]).map_err(|e| e.to_string())?;

@@ -121,7 +121,7 @@ pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &P
         out += &text;
         out.push('\n');
     };
-    put(if scene.materials.iter().any(|m| !m.phong().k.is_black() || m.phong().opacity < 1.0) {
+    put(if scene.materials.iter().any(|m| !m.classic().k.is_black() || m.classic().opacity < 1.0) {
         // Canaletto counts eye rays as level 1. Mitsuba's level 1 is emission seen directly.
         format!("<integrator type=\"path\">{}</integrator>", number("integer", "max_depth", depth.saturating_add(1)))
     } else {
@@ -148,13 +148,13 @@ pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &P
         put(format!("<emitter type=\"point\"><point name=\"position\" value=\"{at}\"/>{color}</emitter>"));
     }
     for (index, material) in scene.materials.iter().enumerate() {
-        put(bsdf(material.phong(), &format!(" id=\"M{index}\"")));
+        put(bsdf(&material.classic(), &format!(" id=\"M{index}\"")));
     }
     for (index, thing) in plain.things.iter().enumerate() {
         let (beside, stem) = (path.with_extension(format!("{index}.data")), path.file_stem().unwrap_or_default());
         let file = format!("<string name=\"filename\" value=\"{}.{index}.data\"/>", stem.to_string_lossy());
         let material = format!("<ref id=\"M{}\"/>", thing.material);
-        let clear = scene.materials[thing.material as usize].phong().opacity < 1.0;
+        let clear = scene.materials[thing.material as usize].classic().opacity < 1.0;
         match &thing.form {
             Form::Mesh(mesh) => {
                 let written = write_ply(&mesh.positions, &mesh.triangles, &beside);

@@ -49,7 +49,7 @@ pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
         point(x * aspect)
     );
     for (index, material) in scene.materials.iter().enumerate() {
-        let p = material.phong();
+        let p = material.classic();
         let _ = writeln!(
             out,
             "#declare M{index} = material {{ texture {{ pigment {{ {} transmit {} }} finish {{ ambient {} diffuse 1 phong {} \

@@ -50,7 +50,7 @@ pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, ou
     let of_part = |(part, thing): (&Part, &Thing<'_>)| {
         let base = first;
         first += part.len() as u32;
-        (base, *scene.materials[thing.material as usize].phong())
+        (base, scene.materials[thing.material as usize].classic())
     };
     let materials = parts.iter().zip(&things).map(of_part).collect();
     let extrinsics = &view.extrinsics;

@@ -33,7 +33,7 @@ pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
     let _ = writeln!(out, "CENTER {}\nVIEWDIR {}\nUPDIR {}\nEND_CAMERA", point(camera.eye()), point(-z), point(y));
     let _ = writeln!(out, "BACKGROUND {}", joined(scene.background.to_array(), " "));
     for (index, material) in scene.materials.iter().enumerate() {
-        let Phong { kd, ks, n, k, opacity, .. } = material.phong();
+        let Phong { kd, ks, n, k, opacity, .. } = material.classic();
         let _ = writeln!(
             out,
             "TEXDEF M{index} AMBIENT {} DIFFUSE 1 SPECULAR {} OPACITY {opacity} PHONG PLASTIC {} PHONG_SIZE {n} COLOR {} TEXFUNC 0",

@@ -456,7 +456,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 47] = [
+const EXPLAINED: [&str; 48] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -502,6 +502,7 @@ const EXPLAINED: [&str; 47] = [
     "paths.kdl -p 20,8",
     "mixed.kdl -p 24,16 --integrator path --samples 16",
     "ROOT/scenes/motion-blur.kdl -p 150,100 --integrator path --samples 4",
+    "ROOT/scenes/glass-and-metal.kdl -p 24,18 --size 48x36 --integrator zbuffer",
     "ROOT/scenes/depth-of-field.kdl -p 150,100 --integrator path --samples 4",
     "ROOT/scenes/chapter/fig-5.33a-replace.kdl -p 110,100 --integrator path --samples 2",
 ];

@@ -50,7 +50,7 @@ fn everything_moves() {
     assert_eq!((scene.background, scene.ambient), (Rgb::new(0.25, 0.125, 0.0), Rgb::gray(0.25)));
     let view = &scene.views[0];
     assert_eq!((view.extrinsics.eye, view.intrinsics.fovy), (DVec3::new(2.5, 0.0, 10.0), 45.0));
-    assert_eq!((scene.materials[0].phong().kd, scene.materials[0].phong().n), (Rgb::new(0.75, 0.0, 0.25), 12.5));
+    assert_eq!((scene.materials[0].classic().kd, scene.materials[0].classic().n), (Rgb::new(0.75, 0.0, 0.25), 12.5));
     assert!(matches!(&scene.nodes[0].content, Content::Shape(Shape::Sphere(s)) if s.radius == 1.25));
     assert_eq!(scene.spheres[0].centers, [Vec3::new(2.5, 0.0, 0.0), Vec3::new(1.0, 1.0, 1.25)]);
     assert_eq!(scene.nodes[2].transform.point(DVec3::ZERO), DVec3::new(0.0, 1.25, 0.0));

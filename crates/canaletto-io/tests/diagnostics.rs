@@ -378,9 +378,9 @@ fn surfaces_that_emit_need_no_light() {
     let (read, warnings) = scene("kd 0; emission 17 12 4; two-sided #true");
     assert_eq!(warnings.to_string(), "");
     let lamp = &read.materials[0];
-    assert_eq!((lamp.phong().kd, lamp.phong().emission), (Rgb::BLACK, Rgb::new(17.0, 12.0, 4.0)));
+    assert_eq!((lamp.classic().kd, lamp.classic().emission), (Rgb::BLACK, Rgb::new(17.0, 12.0, 4.0)));
     assert!(lamp.two_sided && !scene("emission 3").0.materials[0].two_sided);
-    assert_eq!(scene("emission 3").0.materials[0].phong().emission, Rgb::gray(3.0));
+    assert_eq!(scene("emission 3").0.materials[0].classic().emission, Rgb::gray(3.0));
     assert_eq!(scene("texture \"t\" use=\"emission\" { range 0 5 }").1.to_string(), "");
     assert!(scene("kd 0.5").1.to_string().contains("the scene has no lights"));
 }
@@ -446,7 +446,7 @@ fn values_can_be_set() {
         "film.tone=scale",
     ])
     .unwrap_or_else(|errors| panic!("{errors}"));
-    assert_eq!(changed.materials[0].phong().eta, 1.4);
+    assert_eq!(changed.materials[0].classic().eta, 1.4);
     assert_eq!((changed.integrator.max_depth(), changed.integrator.has_shadows()), (3, false));
     assert!(changed.views.iter().all(|view| view.intrinsics.fovy == 50.0));
     assert_eq!(changed.film.sampling, canaletto::scene::Sampling::Jittered(2));

@@ -236,7 +236,7 @@ impl Materials<'_> {
         match &part.constant {
             None => surface["baseColorTexture"] = json!({ "index": 0, "texCoord": LIGHT_SET }),
             Some(point) => {
-                let [r, g, b] = point.phong().kd.to_array().map(|v| v.clamp(0.0, 1.0));
+                let [r, g, b] = point.classic.kd.to_array().map(|v| v.clamp(0.0, 1.0));
                 surface["baseColorFactor"] = json!([r, g, b, point.opacity_with_coverage().clamp(0.0, 1.0)]);
                 set_emission(point.emitted(part.is_outer), &mut material);
             }
@@ -270,7 +270,7 @@ fn set_emission(emission: Rgb, material: &mut Value) {
 
 /// Whether a material is blended or cut out.
 fn set_alpha(source: &Material, material: &mut Value) {
-    let is_cut_out = source.coverage >= 1.0 && source.phong().opacity >= 1.0;
+    let is_cut_out = source.coverage >= 1.0 && source.classic().opacity >= 1.0;
     if !source.is_opaque() {
         material["alphaMode"] = json!(if is_cut_out { "MASK" } else { "BLEND" });
     }

@@ -8,7 +8,7 @@ mod tests;
 use crate::picture::{Channel, EncodeSettings, Image, PictureError, PictureFormat};
 use canaletto::bake::{Atlas, BakedScene};
 use canaletto::film::{Picture, develop};
-use canaletto::material::Material;
+use canaletto::material::PreparedMaterial;
 use canaletto::math::Rgb;
 use canaletto::scene::{Developing, Transfer, View};
 use canaletto::{Named, named};
@@ -95,7 +95,7 @@ pub struct Export<'a> {
     /// The triangles and the light map.
     pub baked: &'a BakedScene,
     /// The materials that the triangles refer to.
-    pub materials: &'a [Material],
+    pub materials: &'a [PreparedMaterial],
     /// The place of the scene's zero: positions are relative to it.
     pub origin: DVec3,
     /// The cameras.

@@ -4,7 +4,7 @@ use super::*;
 use crate::picture::{Decoded, decode};
 use canaletto::bake::{BakeSettings, BakedVertex, TexelDensity};
 use canaletto::integrator::radiosity::RadiositySolution;
-use canaletto::material::Phong;
+use canaletto::material::{Material, Phong};
 use canaletto::scene::{Developing, Node, RadiositySettings, Scene};
 use canaletto::shape::{Cuboid, Shape, Sphere};
 use canaletto::world::World;
@@ -17,7 +17,7 @@ fn scene() -> Scene {
         Material::new(name, Phong { kd: kd.into(), emission: Rgb::gray(emission), ..Phong::default() })
     };
     let mut glass = material("glass pane", [0.1, 0.2, 0.3], 0.0);
-    glass.model = Phong { opacity: 0.25, ..*glass.phong() }.into();
+    glass.model = Phong { opacity: 0.25, ..glass.classic() }.into();
     let cuboid = |min: [f32; 3], max: [f32; 3]| Shape::Box(Cuboid { min: min.into(), max: max.into() });
     let ball = Shape::Sphere(Sphere { center: Vec3::new(0.0, -0.5, 0.0), radius: 0.5 });
     let nodes = vec![

@@ -319,7 +319,7 @@ mod tests {
 
     fn one(text: &str) -> (Phong, String) {
         let (material, warnings) = material(text);
-        (*material.phong(), warnings)
+        (material.classic(), warnings)
     }
 
     #[test]
@@ -342,7 +342,7 @@ mod tests {
         assert_eq!((with(6, "Tf 0.25 0.25 0.5").opacity, with(4, "d 0.75").opacity), (0.5, 0.75));
         for illum in [0, 1, 2, 3, 5, 8, 10] {
             let dissolved = material(&format!("illum {illum}\nd 0.75")).0;
-            assert_eq!((dissolved.coverage, dissolved.phong().opacity), (0.75, 1.0));
+            assert_eq!((dissolved.coverage, dissolved.classic().opacity), (0.75, 1.0));
         }
     }
 
@@ -369,7 +369,7 @@ mod tests {
             let (material, warnings) = material(text);
             let glass = text.contains("Ni") || text.contains("illum 7") || text.contains("illum 4");
             let shares = if glass { (1.0, opacity) } else { (opacity, 1.0) };
-            assert_eq!((material.coverage, material.phong().opacity), shares, "{text}");
+            assert_eq!((material.coverage, material.classic().opacity), shares, "{text}");
             assert!(warnings.contains(told) && warnings.is_empty() == told.is_empty(), "{text}: {warnings}");
         }
     }

@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(after, expected);
         let (before, after) = set_in("a.obj", OBJ, &["material.red.k=0.5", "background=0 0 1", "ambient=0.5"]).unwrap();
         let mut expected = before.clone();
-        expected.materials[0].model.phong_mut().k = Rgb::gray(0.5);
+        expected.materials[0].model.phong_mut().unwrap().k = Rgb::gray(0.5);
         (expected.background, expected.ambient) = (Rgb::new(0.0, 0.0, 1.0), Rgb::gray(0.5));
         assert_eq!(after, expected);
         let (before, after) = set_in("a.obj", OBJ, &["integrator.shadows=none", "integrator=zbuffer"]).unwrap();

@@ -123,7 +123,7 @@ impl Shading<'_> {
             Some(at) => *at,
             None => self.material(root, point),
         };
-        let kd = at.phong().kd;
+        let kd = at.classic.kd;
         let arriving = Rgb::from(light.to_array().map(|v| v as f32)).saturated();
         let radiance = at.under_overlay((at.emitted(root.is_outer()) + kd * arriving).saturated());
         let reflectance = at.under_overlay(kd);
@@ -144,7 +144,7 @@ impl Shading<'_> {
                 let step = self.world.needs_differentials().then_some([x * self.texel, y * self.texel]);
                 self.world.textured(line, &hit, &mut surface, step, &mut ())
             }
-            None => MaterialPoint { model: material.model, coverage: material.coverage, ..MaterialPoint::default() },
+            None => *material.plain(),
         }
     }
 }

@@ -230,7 +230,7 @@ impl Comparison<'_> {
         terms.add(Cause::TextureFilter, weight * overlaid, subject);
         weight *= 1.0 - overlay[1].1;
 
-        let materials = [own.model.phong(), other.model.phong()];
+        let materials = [&own.phong, &other.phong];
         let ambient = [own, other].map(|hit| {
             let emitters = hit.emitters.as_ref().map(|emitters| emitters.contribution);
             [hit.ambient, emitters].into_iter().flatten().map(wide).sum::<DVec3>()
@@ -239,7 +239,7 @@ impl Comparison<'_> {
         terms.add(of_ambient, weight * (ambient[1] - ambient[0]), subject);
         let emission = [own, other].map(|hit| hit.emission.map_or(DVec3::ZERO, wide));
         terms.add(Cause::TextureFilter, weight * (emission[1] - emission[0]), subject);
-        let material = (own.model != other.model).then_some(materials[1]);
+        let material = (own.phong != other.phong).then_some(materials[1]);
         self.lights([own, other], weight, subject, terms, material);
         for kinds in [&[RayKind::Reflected][..], &[RayKind::Refracted, RayKind::TotallyReflected]] {
             self.children([own, other], kinds, weight, subject, terms);

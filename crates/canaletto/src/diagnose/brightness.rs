@@ -204,20 +204,17 @@ fn reasons(world: &World, job: &Job, seen: &Seen) -> Vec<Reason> {
         .flat_map(|tree| tree.samples)
         .filter_map(|sample| if let Outcome::Hit(hit) = sample.ray.outcome { Some(*hit) } else { None })
         .collect();
-    let is_black = |hit: &HitNode| {
-        hit.model.phong().kd == Rgb::BLACK && hit.model.phong().ks == Rgb::BLACK && hit.overlay.is_none()
-    };
+    let is_black = |hit: &HitNode| hit.phong.kd == Rgb::BLACK && hit.phong.ks == Rgb::BLACK && hit.overlay.is_none();
     if !hits.is_empty() && hits.iter().all(is_black) {
         let goes_on = |hit: &HitNode| !hit.children.is_empty() || !hit.cut.is_empty();
-        let turned_away = |hit: &&HitNode| {
-            hit.side == Side::Inside && !hit.model.phong().emission.is_black() && hit.emission.is_none()
-        };
+        let turned_away =
+            |hit: &&HitNode| hit.side == Side::Inside && !hit.phong.emission.is_black() && hit.emission.is_none();
         if let Some(hit) = hits.iter().find(turned_away) {
             return vec![Reason::EmitsOutwards(hit.material.clone())];
         }
         // The explanation of a z-buffer has neither mirrored nor refracted rays.
         let would_go_on = |hit: &HitNode| {
-            let phong = hit.model.phong();
+            let phong = &hit.phong;
             goes_on(hit) || !phong.k.is_black() || phong.opacity < 1.0
         };
         return match hits.iter().find(|hit| !would_go_on(hit)) {

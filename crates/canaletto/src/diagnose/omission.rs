@@ -3,7 +3,7 @@
 use crate::Named;
 use crate::integrator::omitted_by_zbuffer;
 use crate::job::Job;
-use crate::material::Material;
+use crate::material::PreparedMaterial;
 use crate::math::Rgb;
 use crate::scene::{Integrator, Stage};
 use crate::world::World;
@@ -131,7 +131,7 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
         all.push(Omission::Ambient { integrator, ambient: world.ambient });
     }
     let used = world.materials_in_use();
-    let names_of = |is_left_out: &dyn Fn(u32, &Material) -> bool| -> Vec<String> {
+    let names_of = |is_left_out: &dyn Fn(u32, &PreparedMaterial) -> bool| -> Vec<String> {
         let all = (0..).zip(world.materials()).zip(&used);
         let left_out = all.filter(|((number, material), used)| **used && is_left_out(*number, material));
         left_out.map(|((_, material), _)| material.name.clone()).collect()
@@ -161,7 +161,7 @@ pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::material::{Dielectric, Medium, Phong};
+    use crate::material::{Dielectric, Material, Medium, Phong};
     use crate::scene::{
         Content, Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, RadiositySettings, Scene, WhittedSettings,
     };

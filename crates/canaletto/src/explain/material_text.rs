@@ -9,7 +9,7 @@ pub(super) fn write_material(w: &mut TextWriter, hit: &HitNode, indent: &str) {
     let (always, others): (Vec<_>, Vec<_>) = Parameter::ALL.iter().partition(|row| row.shown != Shown::IfSet);
     let always: Vec<String> = always.into_iter().map(|row| parameter(w, hit, row)).collect();
     writeln!(w, "{indent}    material \"{}\": {}", hit.material, always.join(", "));
-    for row in others.into_iter().filter(|row| row.get(hit.model.phong()) != row.default_value()) {
+    for row in others.into_iter().filter(|row| row.get(&hit.phong) != row.default_value()) {
         let parameter = parameter(w, hit, row);
         writeln!(w, "{indent}        {parameter}");
     }
@@ -17,7 +17,7 @@ pub(super) fn write_material(w: &mut TextWriter, hit: &HitNode, indent: &str) {
 
 /// A parameter's symbol and value.
 fn parameter(w: &TextWriter, hit: &HitNode, row: &ParameterInfo) -> String {
-    match row.get(hit.model.phong()) {
+    match row.get(&hit.phong) {
         ParameterValue::Color(color) => format!("{} {}", row.symbol, w.rgb(color)),
         ParameterValue::Number(number) => format!("{} {}", row.symbol, w.number(number)),
     }

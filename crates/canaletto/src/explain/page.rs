@@ -279,7 +279,7 @@ impl Page {
     }
 
     fn material(&mut self, hit: &HitNode) {
-        let phong = hit.model.phong();
+        let phong = &hit.phong;
         for parameter in Parameter::ALL {
             let value = parameter.get(phong);
             if value == parameter.default_value() {

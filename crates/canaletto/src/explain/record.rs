@@ -11,7 +11,7 @@ use crate::Named;
 use crate::camera::Camera;
 use crate::integrator::{EmittersTerm, LightTerm, PreparedRadiosity, Probe, RayKind};
 use crate::light::environment::EnvironmentLookup;
-use crate::material::{MaterialModel, MaterialPoint, Target};
+use crate::material::{MaterialPoint, Target};
 use crate::math::{DRay, Rgb};
 use crate::shape::Surface;
 use crate::world::{GeometryProbe, Hit, TextureRead, World};
@@ -227,7 +227,7 @@ impl Probe for Recorder<'_> {
             side: if outside { Side::Outside } else { Side::Inside },
             steps: direction.map(|direction| HitSteps::new(direction, shading_normal)),
             material: self.world.material(hit).name.clone(),
-            model: material.model,
+            phong: material.classic,
             textures: std::mem::take(&mut self.textures),
             unlit: None,
             ambient: None,
@@ -401,11 +401,8 @@ pub(super) fn name_of_light(world: &World, number: u32) -> String {
 fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| match read.used.target {
         Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
-        Target::Parameter(parameter) => parameter.info().get(point.phong()).to_vec(),
-        Target::Metalness => match &point.model {
-            MaterialModel::Standard(standard) => vec![standard.metalness],
-            _ => Vec::new(),
-        },
+        Target::Parameter(parameter) => parameter.info().get(&point.classic).to_vec(),
+        Target::Metalness => point.standard.iter().map(|standard| standard.metalness).collect(),
         Target::Cutout => vec![point.coverage],
         Target::Displace { .. } => Vec::new(),
         Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),

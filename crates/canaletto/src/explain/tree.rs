@@ -6,7 +6,7 @@ use super::steps::{CameraSteps, HitSteps, LightSteps, RaySteps};
 use crate::film::WeightedSum;
 use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
-use crate::material::MaterialModel;
+use crate::material::Phong;
 use crate::math::Rgb;
 use serde::{Serialize, Serializer};
 
@@ -159,9 +159,8 @@ pub struct HitNode {
     pub steps: Option<HitSteps>,
     /// The material's name.
     pub material: String,
-    /// The material's model with its values at the hit.
-    #[serde(flatten)]
-    pub model: MaterialModel,
+    /// The classic view of the material with its values at the hit.
+    pub phong: Phong,
     /// The textures that were read for these values, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub textures: Vec<TextureNode>,
@@ -357,7 +356,7 @@ impl RayNode {
         }
         let mut color = Rgb::BLACK;
         if let Some(ambient) = hit.ambient {
-            color += hit.radiosity.as_ref().map_or(ambient, |light| light.reflected(hit.model.phong().kd));
+            color += hit.radiosity.as_ref().map_or(ambient, |light| light.reflected(hit.phong.kd));
         }
         if let Some(emitters) = &hit.emitters {
             color = (color + emitters.contribution).saturated();

@@ -12,7 +12,7 @@ const FILTERING: &str = "filtering of textures";
 
 /// The words for what a picture of this world and job has, and hypotheses leave out.
 pub(super) fn left_out(world: &World, job: &Job) -> Vec<&'static str> {
-    let is_rough = |material: &crate::material::Material| material.phong().roughness > 0.0;
+    let is_rough = |material: &crate::material::PreparedMaterial| material.plain().classic.roughness > 0.0;
     let all = [
         ("the lens or motion of the camera", !job.camera.is_plain()),
         ("motion", world.moves()),

@@ -99,7 +99,7 @@ impl Subject<'_> {
         if scene.environment.is_none() && scene.background.max_component() > 0.0 {
             all.push(Number::Background);
         }
-        let used = |c: Coefficient| scene.materials.iter().any(|m| is_phong(m) && is_used(c, m.phong(), stage));
+        let used = |c: Coefficient| scene.materials.iter().any(|m| is_phong(m) && is_used(c, &m.classic(), stage));
         let lights = self.lights();
         if stage > Stage::Unlit {
             all.push(Number::AllIntensities);
@@ -125,7 +125,7 @@ impl Subject<'_> {
             let users = objects.iter().filter(|node| scene.nodes[**node].material == Some(i as u32));
             let users: Vec<usize> = users.copied().collect();
             for coefficient in [N, Eta, Opacity, Kd, Ks, K] {
-                if is_used(coefficient, material.phong(), stage) {
+                if is_used(coefficient, &material.classic(), stage) {
                     all.push(Number::Material(coefficient, Whose::Material(i)));
                     if users.len() > 1 {
                         all.extend(users.iter().map(|node| Number::Material(coefficient, Whose::Object(*node))));
@@ -165,7 +165,7 @@ impl Subject<'_> {
             Whose::Object(node) => self.scene.nodes[node].material.map(|i| i as usize),
             Whose::All => None,
         };
-        material.map_or(Phong::default(), |i| *self.scene.materials[i].phong())
+        material.map_or(Phong::default(), |i| self.scene.materials[i].classic())
     }
 
     /// The scene's own values.
@@ -421,8 +421,7 @@ impl Subject<'_> {
             }
             Number::Material(coefficient, whose) => match whose {
                 Whose::All => {
-                    for material in &mut scene.materials {
-                        let phong = material.model.phong_mut();
+                    for phong in scene.materials.iter_mut().filter_map(|material| material.model.phong_mut()) {
                         let f = x[0] as f32;
                         match coefficient {
                             Kd => phong.kd *= f,
@@ -440,10 +439,10 @@ impl Subject<'_> {
                         scene.ambient *= 1.0 / x[0].max(1e-6) as f32;
                     }
                 }
-                Whose::Material(i) => set(scene.materials[*i].model.phong_mut(), *coefficient, x)?,
+                Whose::Material(i) => set(scene.materials[*i].model.phong_mut()?, *coefficient, x)?,
                 Whose::Object(node) => {
                     let mut own = scene.materials[scene.nodes[*node].material? as usize].clone();
-                    set(own.model.phong_mut(), *coefficient, x)?;
+                    set(own.model.phong_mut()?, *coefficient, x)?;
                     own.name = format!("{} of one object", own.name);
                     scene.nodes[*node].material = Some(scene.materials.len() as u32);
                     scene.materials.push(own);

@@ -227,7 +227,7 @@ impl Tracer<'_> {
 
     /// (5.39b).
     fn shade(&self, ray: &TracedRay, place: &Place, material: &MaterialPoint) -> DVec3 {
-        let (settings, phong) = (&self.settings, material.phong());
+        let (settings, phong) = (&self.settings, &material.classic);
         let stage = settings.stage;
         if stage == Stage::Unlit {
             return rgb(phong.kd);
@@ -339,7 +339,7 @@ impl Tracer<'_> {
 
     /// The contribution of one point of a light (5.39a), and its f_s.
     fn light(&self, place: &Place, material: &MaterialPoint, light: &PreparedLight, point: u32) -> (DVec3, f64) {
-        let (settings, phong) = (&self.settings, material.phong());
+        let (settings, phong) = (&self.settings, &material.classic);
         let arriving = light.illuminate_evenly(point, place.surface.exact);
         let mut intensity = rgb(arriving.intensity);
         if settings.amount(Mistake::NoIntensity) == Some(form::EVERYWHERE) {

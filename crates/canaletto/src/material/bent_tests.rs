@@ -2,18 +2,13 @@
 //! their density.
 
 use super::bsdf_tests::{bsdf_of, check_sampling, direction};
-use super::{Bsdf, Conductor, Dielectric, Material, MaterialPoint, Phong, ScatteringFrame, StandardSurface};
+use super::{Bsdf, Conductor, Dielectric, ScatteringFrame, StandardSurface};
 use crate::math::Rgb;
 use crate::shape::testing::Random;
 use glam::DVec3;
 
 /// The names and makers of models that absorb nothing, by roughness and frame.
 type Make = (&'static str, fn(f32, ScatteringFrame) -> Bsdf);
-
-fn standard(surface: StandardSurface, frame: ScatteringFrame) -> Bsdf {
-    let material = Material::new_standard("test", surface);
-    material.bsdf(&MaterialPoint { model: material.model, ..MaterialPoint::default() }, frame)
-}
 
 fn white(roughness: f32) -> StandardSurface {
     let mut surface = StandardSurface::default();
@@ -24,37 +19,31 @@ fn white(roughness: f32) -> StandardSurface {
 const LOSSLESS: [Make; 7] = [
     ("metal", |roughness, frame| {
         let metal = Conductor::new(Rgb::gray(1e-6), Rgb::gray(1e6));
-        bsdf_of(Conductor { phong: Phong { roughness, ..metal.phong }, ..metal }, frame)
+        bsdf_of(Conductor { roughness, ..metal }, frame)
     }),
     ("dielectric", |roughness, frame| {
         let glass = Dielectric::new(1.5);
-        bsdf_of(
-            Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass },
-            ScatteringFrame { eta_ratio: 1.0 / 1.5, ..frame },
-        )
+        bsdf_of(Dielectric { roughness, ..glass }, ScatteringFrame { eta_ratio: 1.0 / 1.5, ..frame })
     }),
     ("dielectric from inside", |roughness, frame| {
         let glass = Dielectric::new(1.5);
-        bsdf_of(
-            Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass },
-            ScatteringFrame { eta_ratio: 1.5, outside: false, ..frame },
-        )
+        bsdf_of(Dielectric { roughness, ..glass }, ScatteringFrame { eta_ratio: 1.5, outside: false, ..frame })
     }),
     ("standard metal", |roughness, frame| {
         let mut surface = white(roughness);
         surface.base.metalness = 1.0;
-        standard(surface, frame)
+        bsdf_of(surface, frame)
     }),
     ("standard glass", |roughness, frame| {
         let mut surface = white(roughness);
         surface.transmission.weight = 1.0;
-        standard(surface, ScatteringFrame { eta_ratio: 1.0 / 1.5, ..frame })
+        bsdf_of(surface, ScatteringFrame { eta_ratio: 1.0 / 1.5, ..frame })
     }),
-    ("plastic", |roughness, frame| standard(white(roughness), frame)),
+    ("plastic", |roughness, frame| bsdf_of(white(roughness), frame)),
     ("coat", |roughness, frame| {
         let mut surface = white(0.3);
         (surface.coat.weight, surface.coat.roughness) = (1.0, roughness);
-        standard(surface, frame)
+        bsdf_of(surface, frame)
     }),
 ];
 

@@ -1,14 +1,14 @@
 //! What the tests of all scattering share.
 
-use super::{Bsdf, Material, MaterialModel, MaterialPoint, ScatteringFrame};
+use super::{Bsdf, Material, MaterialModel, PreparedMaterial, ScatteringFrame};
 use crate::shape::testing::Random;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// The scattering of a material of this model.
 pub(super) fn bsdf_of(model: impl Into<MaterialModel>, frame: ScatteringFrame) -> Bsdf {
-    let material = Material::new("test", model);
-    material.bsdf(&MaterialPoint { model: material.model, ..MaterialPoint::default() }, frame)
+    let material = PreparedMaterial::new(Material::new("test", model));
+    material.bsdf(material.plain(), frame)
 }
 
 pub(super) fn direction(degrees: f64) -> DVec3 {

@@ -7,7 +7,7 @@
 use super::bsdf::mirrored_at;
 use super::conductor_albedo::conductor_albedo;
 use super::ggx::{Ggx, Masking, on_circle};
-use super::{BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
+use super::{BsdfSample, Lobe, MaterialPoint, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
 use crate::math::{Rgb, select};
 use glam::{DMat3, DVec2, DVec3};
@@ -20,11 +20,15 @@ pub struct Conductor {
     pub eta: Rgb,
     /// The absorption k ≥ 0, the imaginary part of the index.
     pub k: Rgb,
+    /// The roughness r, 0 (polished) to 1; α = r².
+    #[serde(default)]
+    pub roughness: f32,
+    /// The radiance that the surface emits by itself ([`Phong::emission`]).
+    #[serde(default)]
+    pub emission: Rgb,
     /// Options of the scattering by microfacets.
     #[serde(default)]
     pub microfacets: MicrofacetOptions,
-    /// What integrators without this model take in its place. Its roughness and emission are those of the metal, too.
-    pub phong: Phong,
 }
 
 /// Metals by name: η and k in red, green and blue. The first five are means of published measurements over the three
@@ -52,11 +56,9 @@ pub const METALS: [(&str, [f32; 3], [f32; 3]); 15] = [
 ];
 
 impl Conductor {
-    /// A metal with this complex index.
+    /// A polished metal with this complex index.
     pub fn new(eta: Rgb, k: Rgb) -> Conductor {
-        let mirrored = fresnel_conductor(1.0, eta, k);
-        let phong = Phong { kd: Rgb::BLACK, k: mirrored, ..Phong::default() };
-        Conductor { eta, k, microfacets: MicrofacetOptions::default(), phong }
+        Conductor { eta, k, roughness: 0.0, emission: Rgb::BLACK, microfacets: MicrofacetOptions::default() }
     }
 
     /// A metal by its name in [`METALS`].
@@ -65,7 +67,13 @@ impl Conductor {
         Some(Conductor::new((*eta).into(), (*k).into()))
     }
 
-    /// Checks every number's range.
+    /// The mirror that comes nearest, for integrators without this model.
+    pub(super) fn classic(&self) -> Phong {
+        let Conductor { eta, k, roughness, emission, .. } = *self;
+        Phong { kd: Rgb::BLACK, k: fresnel_conductor(1.0, eta, k), roughness, emission, ..Phong::default() }
+    }
+
+    /// Checks the range of the complex index.
     ///
     /// # Errors
     /// An [`OutOfRange`] that names the number, its value and the range.
@@ -78,7 +86,7 @@ impl Conductor {
                 return Err(OutOfRange::new(name, problem));
             }
         }
-        self.phong.check()
+        Ok(())
     }
 }
 
@@ -95,9 +103,9 @@ pub(crate) struct ConductorPoint {
 }
 
 impl ConductorPoint {
-    pub(crate) fn new(conductor: &Conductor) -> ConductorPoint {
-        let Conductor { eta, k, microfacets, phong } = *conductor;
-        let roughness = f64::from(phong.roughness);
+    pub(crate) fn new(conductor: &Conductor, point: &MaterialPoint) -> ConductorPoint {
+        let Conductor { eta, k, microfacets, .. } = *conductor;
+        let roughness = f64::from(point.classic.roughness);
         ConductorPoint { eta, k, f0: fresnel_conductor(1.0, eta, k), alpha: roughness * roughness, microfacets }
     }
 
@@ -125,8 +133,8 @@ pub struct ConductorBsdf {
 }
 
 impl ConductorBsdf {
-    pub(super) fn new(conductor: &Conductor, frame: ScatteringFrame) -> ConductorBsdf {
-        ConductorBsdf { point: ConductorPoint::new(conductor), frame }
+    pub(super) fn new(conductor: &Conductor, point: &MaterialPoint, frame: ScatteringFrame) -> ConductorBsdf {
+        ConductorBsdf { point: ConductorPoint::new(conductor, point), frame }
     }
 
     pub(super) fn is_delta(&self) -> bool {
@@ -287,8 +295,7 @@ mod tests {
     use super::*;
 
     fn metal(conductor: Conductor, roughness: f32) -> Bsdf {
-        let conductor = Conductor { phong: Phong { roughness, ..conductor.phong }, ..conductor };
-        bsdf_of(conductor, ScatteringFrame::flat(DVec3::Z, 1.0))
+        bsdf_of(Conductor { roughness, ..conductor }, ScatteringFrame::flat(DVec3::Z, 1.0))
     }
 
     /// A metal with k ≫ η reflects nearly all light. It is white at any roughness and angle.

@@ -6,10 +6,9 @@ use super::bsdf::mirrored_at;
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::{Ggx, on_circle};
 use super::{
-    BsdfSample, Lobe, MicrofacetOptions, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect,
-    refract,
+    BsdfSample, Lobe, MaterialPoint, MicrofacetOptions, Phong, ScatteringFrame, SpecularTransmission,
+    fresnel_dielectric, reflect, refract,
 };
-use crate::OutOfRange;
 use crate::math::Rgb;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -18,27 +17,31 @@ use std::f64::consts::FRAC_1_PI;
 /// A clear body whose boundary obeys Fresnel's equations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dielectric {
+    /// The coefficient of refraction η > 0.
+    pub eta: f32,
+    /// The roughness r, 0 (polished) to 1; α = r².
+    #[serde(default)]
+    pub roughness: f32,
+    /// The radiance that the surface emits by itself ([`Phong::emission`]).
+    #[serde(default)]
+    pub emission: Rgb,
     /// Options of the scattering by microfacets.
     #[serde(default)]
     pub microfacets: MicrofacetOptions,
-    /// What integrators without this model take in its place. Its η and roughness are those of the body, too.
-    pub phong: Phong,
 }
 
 impl Dielectric {
-    /// A clear body with this η.
+    /// A polished clear body with this η.
     pub fn new(eta: f32) -> Dielectric {
-        let mirrored = fresnel_dielectric(1.0, 1.0 / f64::from(eta)) as f32;
-        let phong = Phong { kd: Rgb::BLACK, k: Rgb::gray(mirrored), eta, opacity: mirrored, ..Phong::default() };
-        Dielectric { microfacets: MicrofacetOptions::default(), phong }
+        Dielectric { eta, roughness: 0.0, emission: Rgb::BLACK, microfacets: MicrofacetOptions::default() }
     }
 
-    /// Checks every number's range.
-    ///
-    /// # Errors
-    /// An [`OutOfRange`] that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        self.phong.check()
+    /// The clear body that comes nearest, for integrators without this model.
+    pub(super) fn classic(&self) -> Phong {
+        let Dielectric { eta, roughness, emission, .. } = *self;
+        let mirrored = fresnel_dielectric(1.0, 1.0 / f64::from(eta)) as f32;
+        let (k, opacity) = (Rgb::gray(mirrored), mirrored);
+        Phong { kd: Rgb::BLACK, k, eta, opacity, roughness, emission, ..Phong::default() }
     }
 }
 
@@ -51,8 +54,8 @@ pub struct DielectricBsdf {
 }
 
 impl DielectricBsdf {
-    pub(super) fn new(dielectric: &Dielectric, frame: ScatteringFrame) -> DielectricBsdf {
-        let roughness = f64::from(dielectric.phong.roughness);
+    pub(super) fn new(dielectric: &Dielectric, point: &MaterialPoint, frame: ScatteringFrame) -> DielectricBsdf {
+        let roughness = f64::from(point.classic.roughness);
         DielectricBsdf { alpha: roughness * roughness, microfacets: dielectric.microfacets, frame }
     }
 

@@ -20,6 +20,8 @@ mod model;
 mod parameter;
 mod phong;
 mod phong_bsdf;
+mod point;
+mod prepared;
 mod refract;
 mod standard;
 mod texture_use;
@@ -44,6 +46,8 @@ pub use parameter::{Parameter, ParameterInfo, ParameterValue, Shown};
 pub use phong::Phong;
 pub(crate) use phong::highlights;
 pub use phong_bsdf::PhongBsdf;
+pub use point::MaterialPoint;
+pub use prepared::PreparedMaterial;
 pub use refract::{reflect, refract};
 pub use standard::{
     PRESETS, Preset, StandardBase, StandardBlock, StandardBsdf, StandardCoat, StandardEmission, StandardFuzz,
@@ -54,8 +58,6 @@ pub use texture_use::{Channel, Target, TextureUse};
 
 use crate::Named;
 use crate::OutOfRange;
-use crate::math::Rgb;
-use crate::shape::Surface;
 use serde::{Deserialize, Serialize};
 
 /// A named material.
@@ -66,9 +68,6 @@ pub struct Material {
     /// The model and its numbers.
     #[serde(flatten)]
     pub model: MaterialModel,
-    /// The numbers of the standard surface, of which the model holds what textures drive. Other models have none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub standard: Option<Box<StandardSurface>>,
     /// The share of the surface that exists, 0 (nothing) to 1: alpha of glTF, `d` of MTL. Light passes straight through
     /// the rest, by 1 − coverage, and the rest is not shaded. Opacity is different: a transparent surface such as glass
     /// is shaded as a whole.
@@ -99,7 +98,6 @@ impl Default for Material {
         Material {
             name: String::new(),
             model: MaterialModel::default(),
-            standard: None,
             coverage: whole(),
             priority: 0.0,
             two_sided: false,
@@ -124,9 +122,8 @@ impl Material {
 
     /// Makes the material one of the standard surface. What absorbs light inside its clear bodies follows from it.
     pub fn set_standard(&mut self, surface: StandardSurface) {
-        self.model = MaterialModel::Standard(surface.point());
         self.medium = Medium { absorption: surface.absorption(), ..Medium::VACUUM };
-        self.standard = Some(Box::new(surface));
+        self.model = surface.into();
     }
 
     /// Returns the material with this coverage.
@@ -155,74 +152,44 @@ impl Material {
         self
     }
 
-    /// The material's values at one point of a surface, before any texture.
-    #[inline]
-    pub fn at(&self, surface: &Surface) -> MaterialPoint {
-        let mut point = MaterialPoint::default();
-        self.set(&mut point, surface.color);
-        point
-    }
-
-    /// Sets `point` to the material's values for a surface with this colour of its own, or without one.
-    #[inline]
-    pub(crate) fn set(&self, point: &mut MaterialPoint, color: Option<Rgb>) {
-        let MaterialPoint { model, overlay, coverage, normal_bent, two_sided } = point;
-        *model = self.model;
-        if let Some(color) = color {
-            self.set_color(model, color);
-        }
-        (*overlay, *coverage, *normal_bent, *two_sided) = ((Rgb::BLACK, 0.0), self.coverage, false, self.two_sided);
-    }
-
-    /// Sets the colour in diffuse light.
-    #[inline]
-    fn set_color(&self, model: &mut MaterialModel, color: Rgb) {
-        match (model, &self.standard) {
-            (MaterialModel::Standard(point), Some(surface)) => {
-                point.base_color = color;
-                point.approximate(surface);
-            }
-            (model, _) => model.phong_mut().kd = color,
-        }
-    }
-
-    /// Finishes a point whose textures have been applied.
-    #[inline]
-    pub(crate) fn finish(&self, point: &mut MaterialPoint) {
-        if let (MaterialModel::Standard(standard), Some(surface)) = (&mut point.model, &self.standard) {
-            standard.approximate(surface);
-        }
-    }
-
-    /// The scattering at a point of the material.
+    /// The scattering at a point of the material. Phong's model is scaled to return no more light than arrives.
     pub fn bsdf(&self, point: &MaterialPoint, frame: ScatteringFrame) -> Bsdf {
-        match &point.model {
-            MaterialModel::Phong(phong) => {
-                let bounded = phong.bounded();
+        match &self.model {
+            MaterialModel::Phong(_) => {
+                let bounded = point.classic.bounded();
                 let phong = Phong { opacity: if frame.is_closed { bounded.opacity } else { 1.0 }, ..bounded };
                 match phong.is_diffuse() {
                     true => Bsdf::Diffuse(DiffuseBsdf { kd: phong.kd, normal: frame.normal, facing: frame.facing }),
                     false => Bsdf::Phong(PhongBsdf::new(phong, frame)),
                 }
             }
-            MaterialModel::Conductor(conductor) => Bsdf::Conductor(ConductorBsdf::new(conductor, frame)),
-            MaterialModel::Dielectric(dielectric) => Bsdf::Dielectric(DielectricBsdf::new(dielectric, frame)),
-            MaterialModel::Standard(standard) => {
-                let surface = self.standard.as_deref().copied().unwrap_or_default();
-                Bsdf::Standard(StandardBsdf::new(&surface, standard, frame))
-            }
+            MaterialModel::Conductor(metal) => Bsdf::Conductor(ConductorBsdf::new(metal, point, frame)),
+            MaterialModel::Dielectric(body) => Bsdf::Dielectric(DielectricBsdf::new(body, point, frame)),
+            MaterialModel::Standard(surface) => Bsdf::Standard(StandardBsdf::new(surface, point, frame)),
+        }
+    }
+
+    /// The numbers of the standard surface, if that is the model.
+    pub fn standard(&self) -> Option<&StandardSurface> {
+        match &self.model {
+            MaterialModel::Standard(surface) => Some(surface),
+            _ => None,
         }
     }
 
     /// Whether the scattering depends on ∂P/∂u.
     pub fn is_anisotropic(&self) -> bool {
-        self.standard.as_ref().is_some_and(|surface| surface.specular.anisotropy > 0.0 || surface.coat.anisotropy > 0.0)
+        self.standard().is_some_and(|surface| surface.specular.anisotropy > 0.0 || surface.coat.anisotropy > 0.0)
     }
 
-    /// The coefficients of (5.39b).
-    #[inline(always)]
-    pub fn phong(&self) -> &Phong {
-        self.model.phong()
+    /// Whether red, green and blue are refracted by different angles.
+    pub fn is_dispersive(&self) -> bool {
+        self.standard().is_some_and(StandardSurface::is_dispersive)
+    }
+
+    /// The classic view of the model ([`MaterialModel::classic`]).
+    pub fn classic(&self) -> Phong {
+        self.model.classic()
     }
 
     /// Whether the material has no texture and its coverage isn't zero, so that it is constant on all its surfaces.
@@ -232,9 +199,8 @@ impl Material {
     }
 
     /// Whether the material lets no light through anywhere.
-    #[inline]
     pub fn is_opaque(&self) -> bool {
-        self.phong().opacity >= 1.0
+        self.classic().opacity >= 1.0
             && self.coverage >= 1.0
             && !self.textures.iter().any(|texture| texture.target.may_transmit())
     }
@@ -242,7 +208,7 @@ impl Material {
     /// Whether the material may emit light anywhere.
     pub fn may_emit(&self) -> bool {
         let emission = Target::Parameter(Parameter::Emission);
-        !self.phong().emission.is_black() || self.textures.iter().any(|texture| texture.target == emission)
+        !self.classic().emission.is_black() || self.textures.iter().any(|texture| texture.target == emission)
     }
 
     /// Whether the coverage may be less than 1.
@@ -252,9 +218,9 @@ impl Material {
 
     /// Whether light may go straight on through a surface of the material in air: a thin wall, or a clear body of η 1.
     pub(crate) fn may_pass_straight(&self) -> bool {
-        match &self.standard {
+        match self.standard() {
             Some(surface) if surface.thin_walled => surface.transmission.weight > 0.0,
-            _ => self.phong().eta == 1.0 && !self.is_opaque(),
+            _ => self.classic().eta == 1.0 && !self.is_opaque(),
         }
     }
 
@@ -264,13 +230,6 @@ impl Material {
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         self.model.check()?;
-        match (&self.model, &self.standard) {
-            (MaterialModel::Standard(_), Some(surface)) => surface.check()?,
-            (MaterialModel::Standard(_), None) => {
-                return Err(OutOfRange::new("standard", "is the model, and its numbers are missing"));
-            }
-            _ => {}
-        }
         self.medium.check()?;
         if !(0.0..=1.0).contains(&self.coverage) {
             return Err(OutOfRange::new(
@@ -285,76 +244,5 @@ impl Material {
             let target = texture.target.name();
             texture.check().map_err(|problem| OutOfRange::new("texture", format!("for {target}: {problem}")))
         })
-    }
-}
-
-/// A material evaluated at a point: the whole material as an integrator sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MaterialPoint {
-    /// The model with its numbers at the point.
-    pub model: MaterialModel,
-    /// A colour over the shaded one and its share, 0 to 1. With a share of 1 nothing is left to shade.
-    pub overlay: (Rgb, f32),
-    /// The share of the surface that exists, 0 (a hole) to 1.
-    pub coverage: f32,
-    /// Whether a texture bent the shading normal.
-    pub normal_bent: bool,
-    /// Whether the inner side emits, too.
-    pub two_sided: bool,
-}
-
-impl Default for MaterialPoint {
-    fn default() -> MaterialPoint {
-        MaterialPoint {
-            model: MaterialModel::default(),
-            overlay: (Rgb::BLACK, 0.0),
-            coverage: 1.0,
-            normal_bent: false,
-            two_sided: false,
-        }
-    }
-}
-
-impl MaterialPoint {
-    /// The coefficients of (5.39b).
-    #[inline(always)]
-    pub fn phong(&self) -> &Phong {
-        self.model.phong()
-    }
-
-    /// Lₑ, the radiance that the outer or the inner side emits by itself.
-    #[inline]
-    pub fn emitted(&self, outside: bool) -> Rgb {
-        if outside || self.two_sided { self.phong().emission } else { Rgb::BLACK }
-    }
-
-    /// Whether the overlay leaves any of the shaded colour visible.
-    #[inline]
-    pub fn is_seen(&self) -> bool {
-        self.overlay.1 < 1.0
-    }
-
-    /// The colour of the point under its overlay, if there is one.
-    #[inline(always)]
-    pub(crate) fn under_overlay(&self, color: Rgb) -> Rgb {
-        let (overlay, share) = self.overlay;
-        if share > 0.0 { (overlay * share + color * (1.0 - share)).saturated() } else { color }
-    }
-
-    /// Whether light passes: o < 1.
-    #[inline]
-    pub fn is_clear(&self) -> bool {
-        self.phong().opacity < 1.0
-    }
-
-    /// Whether a reflected ray counts: k ≠ 0.
-    #[inline]
-    pub fn is_mirror(&self) -> bool {
-        !self.phong().k.is_black()
-    }
-
-    /// The share of crossing light that the surface blocks: coverage times opacity o.
-    pub fn opacity_with_coverage(&self) -> f32 {
-        if self.coverage < 1.0 { self.coverage * self.phong().opacity } else { self.phong().opacity }
     }
 }

@@ -1,11 +1,11 @@
 //! The closed set of material models.
 
-use super::{Conductor, Dielectric, MicrofacetOptions, Phong, StandardPoint};
+use super::{Conductor, Dielectric, MicrofacetOptions, Parameter, ParameterValue, Phong, StandardSurface};
 use crate::OutOfRange;
 use serde::{Deserialize, Serialize};
 
 /// A model of how a surface responds to light, with its numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum MaterialModel {
@@ -15,8 +15,8 @@ pub enum MaterialModel {
     Conductor(Conductor),
     /// A clear body whose boundary obeys Fresnel's equations.
     Dielectric(Dielectric),
-    /// The standard surface, of which the material holds the other numbers.
-    Standard(StandardPoint),
+    /// The standard surface.
+    Standard(Box<StandardSurface>),
 }
 
 impl Default for MaterialModel {
@@ -43,28 +43,48 @@ impl From<Dielectric> for MaterialModel {
     }
 }
 
+impl From<StandardSurface> for MaterialModel {
+    fn from(surface: StandardSurface) -> MaterialModel {
+        MaterialModel::Standard(Box::new(surface))
+    }
+}
+
 impl MaterialModel {
-    /// The coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms. Other models have
-    /// those that come nearest to them.
-    #[inline(always)]
-    pub fn phong(&self) -> &Phong {
+    /// The classic view: the coefficients of (5.39b), from which Whitted's integrator computes the chapter's terms.
+    /// Other models have those that come nearest to them.
+    pub fn classic(&self) -> Phong {
         match self {
-            MaterialModel::Phong(phong)
-            | MaterialModel::Conductor(Conductor { phong, .. })
-            | MaterialModel::Dielectric(Dielectric { phong, .. })
-            | MaterialModel::Standard(StandardPoint { phong, .. }) => phong,
+            MaterialModel::Phong(phong) => *phong,
+            MaterialModel::Conductor(metal) => metal.classic(),
+            MaterialModel::Dielectric(body) => body.classic(),
+            MaterialModel::Standard(surface) => surface.classic(),
         }
     }
 
-    /// The coefficients of (5.39b), to be changed.
-    #[inline(always)]
-    pub fn phong_mut(&mut self) -> &mut Phong {
+    /// Phong's model, to be changed, if it is this one.
+    pub fn phong_mut(&mut self) -> Option<&mut Phong> {
         match self {
-            MaterialModel::Phong(phong)
-            | MaterialModel::Conductor(Conductor { phong, .. })
-            | MaterialModel::Dielectric(Dielectric { phong, .. })
-            | MaterialModel::Standard(StandardPoint { phong, .. }) => phong,
+            MaterialModel::Phong(phong) => Some(phong),
+            _ => None,
         }
+    }
+
+    /// Sets a parameter. Returns whether the model has it; the standard surface has parameters of its own.
+    pub fn set(&mut self, parameter: Parameter, value: ParameterValue) -> bool {
+        let mut numbers = self.classic();
+        parameter.info().set(&mut numbers, value);
+        let Phong { eta, roughness, emission, .. } = numbers;
+        match (self, parameter) {
+            (MaterialModel::Phong(phong), _) => *phong = numbers,
+            (MaterialModel::Conductor(metal), Parameter::Roughness | Parameter::Emission) => {
+                (metal.roughness, metal.emission) = (roughness, emission);
+            }
+            (MaterialModel::Dielectric(body), Parameter::Eta | Parameter::Roughness | Parameter::Emission) => {
+                (body.eta, body.roughness, body.emission) = (eta, roughness, emission);
+            }
+            _ => return false,
+        }
+        true
     }
 
     /// The options of the scattering by microfacets, of models that have them.
@@ -78,7 +98,7 @@ impl MaterialModel {
 
     /// Whether bodies of the model have no surface in air: η is 1.
     pub fn is_index_matched_to_air(&self) -> bool {
-        matches!(self, MaterialModel::Dielectric(dielectric) if dielectric.phong.eta == 1.0)
+        matches!(self, MaterialModel::Dielectric(dielectric) if dielectric.eta == 1.0)
     }
 
     /// Checks every number's range.
@@ -86,22 +106,36 @@ impl MaterialModel {
     /// # Errors
     /// An [`OutOfRange`] that names the number, its value and the range.
     pub fn check(&self) -> Result<(), OutOfRange> {
+        let classic = self.classic();
         match self {
-            MaterialModel::Phong(phong) => phong.check(),
-            MaterialModel::Conductor(conductor) => conductor.check(),
-            MaterialModel::Dielectric(dielectric) => dielectric.check(),
-            MaterialModel::Standard(standard) => standard.phong.check(),
+            MaterialModel::Phong(_) => {}
+            MaterialModel::Conductor(metal) => metal.check()?,
+            // The other numbers follow from η.
+            MaterialModel::Dielectric(_) => Parameter::Eta.info().check(&classic)?,
+            MaterialModel::Standard(surface) => surface.check()?,
         }
+        classic.check()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Rgb;
 
-    /// Every hit of every integrator copies a model, so none may make it larger than a metal with its options.
+    /// What other integrators take of a clear body follows from its η. A metal has no numbers of Phong's model.
     #[test]
-    fn models_are_small() {
-        assert!(size_of::<MaterialModel>() <= 92, "{}", size_of::<MaterialModel>());
+    fn models_have_their_own_numbers() {
+        let [mut glass, mut gold] =
+            [Dielectric::new(1.5).into(), MaterialModel::from(Conductor::named("gold").unwrap())];
+        assert!(glass.set(Parameter::Eta, ParameterValue::Number(2.0)));
+        assert_eq!(glass, Dielectric::new(2.0).into());
+        assert!(gold.set(Parameter::Roughness, ParameterValue::Number(0.5)) && gold.classic().roughness == 0.5);
+        for model in [&mut glass, &mut gold] {
+            let before = model.clone();
+            assert!(!model.set(Parameter::Diffuse, ParameterValue::Color(Rgb::WHITE)) && *model == before);
+        }
+        assert!(glass.set(Parameter::Eta, ParameterValue::Number(0.0)));
+        assert_eq!(glass.check().unwrap_err().field, Some("eta"));
     }
 }

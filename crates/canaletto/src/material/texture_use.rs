@@ -1,7 +1,7 @@
 //! The use of a texture by a material (5.5): colours that replace or cover the shaded one, any number of the model,
 //! holes, bumps.
 
-use super::{Mapping, MaterialModel, MaterialPoint, Parameter};
+use super::{Mapping, MaterialPoint, Parameter};
 use crate::math::Rgb;
 use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
@@ -239,14 +239,12 @@ impl TextureUse {
                     point.overlay = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
                 }
             }
-            Target::Parameter(parameter) => match (&mut point.model, parameter) {
-                (MaterialModel::Standard(standard), Parameter::Diffuse) => {
-                    standard.base_color = color().map(|share| share.min(1.0));
-                }
-                (model, _) => parameter.info().set_textured(model.phong_mut(), color, number),
+            Target::Parameter(parameter) => match (&mut point.standard, parameter) {
+                (Some(standard), Parameter::Diffuse) => standard.base_color = color().map(|share| share.min(1.0)),
+                _ => parameter.info().set_textured(&mut point.classic, color, number),
             },
             Target::Metalness => {
-                if let MaterialModel::Standard(standard) = &mut point.model {
+                if let Some(standard) = &mut point.standard {
                     standard.metalness = number().min(1.0);
                 }
             }
@@ -279,17 +277,17 @@ mod tests {
             p
         };
         let rgb = Rgb::new(0.25, 0.5, 0.75);
-        assert_eq!(applied(Target::Parameter(Parameter::Diffuse), [0.0, 1.0]).phong().kd, rgb);
-        assert_eq!(applied(Target::Parameter(Parameter::Specular), [0.0, 1.0]).phong().ks, rgb);
-        assert_eq!(applied(Target::Parameter(Parameter::Mirror), [1.0, 0.0]).phong().k, Rgb::new(0.75, 0.5, 0.25));
+        assert_eq!(applied(Target::Parameter(Parameter::Diffuse), [0.0, 1.0]).classic.kd, rgb);
+        assert_eq!(applied(Target::Parameter(Parameter::Specular), [0.0, 1.0]).classic.ks, rgb);
+        assert_eq!(applied(Target::Parameter(Parameter::Mirror), [1.0, 0.0]).classic.k, Rgb::new(0.75, 0.5, 0.25));
         assert_eq!(applied(Target::Replace, [0.0, 1.0]).overlay, (rgb, 1.0));
         assert_eq!(applied(Target::Decal, [0.0, 1.0]).overlay, (rgb, 0.5));
         assert_eq!(applied(Target::Cutout, [0.0, 1.0]).coverage, 0.5);
         let luminance = 0.2126 * 0.25 + 0.7152 * 0.5 + 0.0722 * 0.75;
-        assert_eq!(applied(Target::Parameter(Parameter::Exponent), [0.0, 100.0]).phong().n, luminance * 100.0);
-        assert_eq!(applied(Target::Parameter(Parameter::Opacity), [0.0, 1.0]).phong().opacity, luminance);
-        assert_eq!(applied(Target::Parameter(Parameter::Roughness), [0.0, 1.0]).phong().roughness, luminance);
-        assert_eq!(applied(Target::Parameter(Parameter::Eta), [1.0, 2.0]).phong().eta, 1.0 + luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Exponent), [0.0, 100.0]).classic.n, luminance * 100.0);
+        assert_eq!(applied(Target::Parameter(Parameter::Opacity), [0.0, 1.0]).classic.opacity, luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Roughness), [0.0, 1.0]).classic.roughness, luminance);
+        assert_eq!(applied(Target::Parameter(Parameter::Eta), [1.0, 2.0]).classic.eta, 1.0 + luminance);
     }
 
     #[test]
@@ -298,7 +296,7 @@ mod tests {
             for &target in Target::ALL {
                 let mut p = point();
                 TextureUse { range: [0.0, 3e38], ..TextureUse::new(0, target) }.apply([wild; 4], &mut p);
-                p.phong().check().unwrap();
+                p.classic.check().unwrap();
                 assert!((0.0..=1.0).contains(&p.coverage), "{p:?}");
                 assert!(p.overlay.0.is_finite() && (0.0..=1.0).contains(&p.overlay.1), "{wild}: {p:?}");
             }

@@ -1,7 +1,7 @@
 //! The weights of scattering events, f cos θ / pdf, of all models over grids of numbers and viewing angles.
 
 use super::bsdf_tests::{bsdf_of, check_sampling, direction};
-use super::{Bsdf, Dielectric, Material, MaterialPoint, PRESETS, Phong, ScatteringFrame, StandardSurface};
+use super::{Bsdf, Dielectric, PRESETS, ScatteringFrame, StandardSurface};
 use crate::math::Rgb;
 use crate::shape::testing::Random;
 use glam::DVec3;
@@ -16,14 +16,13 @@ fn standard(surface: &StandardSurface, outside: bool) -> (Bsdf, f64) {
     };
     let tangent = DVec3::new(0.3, 1.0, 0.0);
     let frame = ScatteringFrame { tangent, outside, ..ScatteringFrame::flat(DVec3::Z, eta_ratio) };
-    let material = Material::new_standard("test", *surface);
-    (material.bsdf(&MaterialPoint { model: material.model, ..MaterialPoint::default() }, frame), eta_ratio)
+    (bsdf_of(*surface, frame), eta_ratio)
 }
 
 fn dielectric(eta: f32, roughness: f32, outside: bool) -> (Bsdf, f64) {
     let eta_ratio = if outside { 1.0 / f64::from(eta) } else { eta.into() };
     let smooth = Dielectric::new(eta);
-    let rough = Dielectric { phong: Phong { roughness, ..smooth.phong }, ..smooth };
+    let rough = Dielectric { roughness, ..smooth };
     (bsdf_of(rough, ScatteringFrame { outside, ..ScatteringFrame::flat(DVec3::Z, eta_ratio) }), eta_ratio)
 }
 

@@ -11,7 +11,7 @@ use super::geometry::Geometry;
 use super::instance::Instance;
 use super::query::Hit;
 use super::shells::{OpenEdges, Shells};
-use crate::material::{Material, Target, TextureUse};
+use crate::material::{Material, PreparedMaterial, Target, TextureUse};
 use crate::math::DRay;
 use crate::shape::{Shape, ShapeHit};
 use canaletto_bvh::{Aabb, Ray};
@@ -64,7 +64,7 @@ pub(crate) struct OpenMesh<'w> {
     pub(crate) edges: u32,
 }
 
-impl Material {
+impl PreparedMaterial {
     /// Whether a closed surface of this material bounds a body: light passes everywhere by refraction.
     fn fills(&self) -> bool {
         let cut = |texture: &TextureUse| texture.target == Target::Cutout;
@@ -85,7 +85,7 @@ impl World {
 
     /// The meshes with a medium that aren't closed. A mesh that is used several times is named once.
     pub(crate) fn open_meshes(&self) -> Vec<OpenMesh<'_>> {
-        let is_filled = |material: &Material| material.fills() && !material.medium.is_vacuum();
+        let is_filled = |material: &PreparedMaterial| material.fills() && !material.medium.is_vacuum();
         if !self.materials.iter().any(is_filled) {
             return Vec::new();
         }
@@ -130,7 +130,7 @@ impl World {
         Some(Body {
             id,
             material: number,
-            eta: material.phong().eta,
+            eta: material.plain().classic.eta,
             priority: material.priority,
             volume,
             overlaps_itself,

@@ -19,7 +19,7 @@ use super::visible_lights::add_visible_lights;
 use super::zones::Zones;
 use crate::light::environment::{Environment, PreparedEnvironment};
 use crate::light::{Light, PreparedLight};
-use crate::material::{Channel, Material, Phong, Target};
+use crate::material::{Channel, Material, Phong, PreparedMaterial, Target};
 use crate::scene::{Node, Scene};
 use crate::texture::{ColorSpace, Image, Prefilter, PreparedTexture, Texture, TextureKind, Unresolved};
 use canaletto_bvh::{Aabb, NoThreads, Quality, with_stack};
@@ -213,6 +213,7 @@ impl World {
         }
         let root = Group::new(instances, &bounds, "the scene", builder.tables())?;
         materials.push(Material::new("default", Phong::default()));
+        let materials: Vec<PreparedMaterial> = materials.into_iter().map(PreparedMaterial::new).collect();
         let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
         let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
         let clear_bounds = bounds.iter().zip(&clear_instances).filter(|(_, clear)| **clear).map(|(bounds, _)| *bounds);
@@ -226,8 +227,8 @@ impl World {
             light_meshes: builder.light_meshes,
             textures: builder.displacement.patterns,
             texture_names,
-            has_clear: !materials.iter().all(Material::is_opaque),
-            may_emit: materials.iter().any(Material::may_emit),
+            has_clear: !materials.iter().all(PreparedMaterial::is_opaque),
+            may_emit: materials.iter().any(PreparedMaterial::may_emit),
             clear_bounds: clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b)),
             clear_instances,
             shells: shells(&builder.geometries, |geometry| clear[geometry]),
@@ -277,8 +278,8 @@ fn sources(lights: Vec<Light>, meshes: &LightMeshes) -> Vec<PreparedLight> {
 }
 
 /// For each instance, whether it may let light through. Empty if no material does. The last material is the default.
-fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
-    if materials.iter().all(Material::is_opaque) {
+fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &[PreparedMaterial]) -> Vec<bool> {
+    if materials.iter().all(PreparedMaterial::is_opaque) {
         return Vec::new();
     }
     let own: Vec<Vec<u32>> = geometries.iter().map(Geometry::own_materials).collect();
@@ -295,9 +296,14 @@ fn clear_instances(instances: &[Instance], geometries: &[Geometry], materials: &
 }
 
 /// For each geometry, whether any material on it may be clear.
-fn clear_geometries(root: &Group, groups: &[Group], geometries: &[Geometry], materials: &[Material]) -> Vec<bool> {
+fn clear_geometries(
+    root: &Group,
+    groups: &[Group],
+    geometries: &[Geometry],
+    materials: &[PreparedMaterial],
+) -> Vec<bool> {
     let mut clear = vec![false; geometries.len()];
-    if materials.iter().all(Material::is_opaque) {
+    if materials.iter().all(PreparedMaterial::is_opaque) {
         return clear;
     }
     let is_clear = |index: u32| materials.get(index as usize).is_some_and(|material| !material.is_opaque());

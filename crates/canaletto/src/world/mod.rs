@@ -69,7 +69,7 @@ pub use textured::{Reading, TextureRead};
 
 use crate::light::PreparedLight;
 use crate::light::environment::PreparedEnvironment;
-use crate::material::Material;
+use crate::material::PreparedMaterial;
 use crate::math::Rgb;
 use crate::texture::PreparedTexture;
 use canaletto_bvh::Aabb;
@@ -117,7 +117,7 @@ pub struct World {
     /// Whether any texture or the environment needs the footprint of a sample.
     needs_differentials: bool,
     /// All materials; the last one is the default for objects without a material.
-    materials: Vec<Material>,
+    materials: Vec<PreparedMaterial>,
     /// The indices of the materials that show lights, and these lights.
     light_materials: Range<u32>,
     visible_lights: Vec<VisibleLight>,
@@ -226,7 +226,7 @@ impl World {
     }
 
     /// The materials; the last one is the default.
-    pub fn materials(&self) -> &[Material] {
+    pub fn materials(&self) -> &[PreparedMaterial] {
         &self.materials
     }
 

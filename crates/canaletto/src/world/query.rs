@@ -5,7 +5,7 @@ use super::geometry::{Geometry, on_shape};
 use super::group::InstancePath;
 use super::instance::{Instance, NONE, Unbounded};
 use crate::light::PreparedLight;
-use crate::material::Material;
+use crate::material::PreparedMaterial;
 use crate::math::{DRay, Rgb};
 use crate::shape::{Shape, ShapeHit, Surface, SurfaceInputs8, Surfaces};
 use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
@@ -301,7 +301,7 @@ impl World {
 
     /// The material at a hit.
     #[inline]
-    pub fn material(&self, hit: &Hit) -> &Material {
+    pub fn material(&self, hit: &Hit) -> &PreparedMaterial {
         &self.materials[self.material_index(hit) as usize]
     }
 
@@ -360,7 +360,7 @@ impl World {
         instance.effective_material(own).unwrap_or_else(|| self.default_material())
     }
 
-    pub(super) fn material_at(&self, instance: &Instance, primitive: u32) -> &Material {
+    pub(super) fn material_at(&self, instance: &Instance, primitive: u32) -> &PreparedMaterial {
         &self.materials[self.material_of(instance, primitive) as usize]
     }
 

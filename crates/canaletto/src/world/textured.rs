@@ -4,7 +4,7 @@
 use super::GeometryProbe;
 use super::{Hit, MeshFacet, World};
 use crate::material::{
-    Material, MaterialPoint, Place, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map,
+    MaterialPoint, Place, PreparedMaterial, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map,
     clamp_to_hemisphere,
 };
 use crate::math::{DRay, Transform};
@@ -73,7 +73,7 @@ impl World {
     #[inline]
     pub(crate) fn material_point<P: GeometryProbe>(
         &self,
-        material: &Material,
+        material: &PreparedMaterial,
         (line, hit): (DRay, &Hit),
         surface: &mut Surface,
         step: Option<[DVec3; 2]>,
@@ -190,8 +190,7 @@ impl World {
     #[inline(always)]
     fn crossed_by(&self, local: impl FnOnce() -> Local, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
         let material = self.material(hit);
-        let mut point =
-            MaterialPoint { model: material.model, coverage: material.coverage, ..MaterialPoint::default() };
+        let mut point = *material.plain();
         if material.textures.is_empty() || material.is_opaque() {
             return point;
         }

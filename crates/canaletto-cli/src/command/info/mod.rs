@@ -212,7 +212,7 @@ fn light(source: &PreparedLight) -> String {
 }
 
 fn material(material: &Material) -> String {
-    let phong = material.phong();
+    let phong = &material.classic();
     let shown: Vec<String> = Parameter::ALL
         .iter()
         .filter(|row| row.shown == Shown::Always || row.get(phong) != row.default_value())

@@ -26,10 +26,10 @@ fn every_entity_is_read() {
     assert_eq!((view.intrinsics.fovy, view.intrinsics.width, view.intrinsics.height), (45.0, 512, 256));
     assert_eq!((view.extrinsics.eye, view.extrinsics.up), (DVec3::new(2., 1., 1.5), DVec3::Z));
     assert_eq!(scene.materials.len(), 2, "the same numbers are the same material");
-    let phong = scene.materials[0].phong();
+    let phong = scene.materials[0].classic();
     assert_eq!((phong.kd, phong.ks, phong.k), (Rgb::new(0.8, 0.4, 0.2), Rgb::gray(0.3), Rgb::gray(0.3)));
     assert_eq!((phong.n, phong.opacity, phong.eta), (20.0, 1.0 - 0.4, 1.5));
-    assert_eq!(scene.materials[1].phong().eta, 1.0);
+    assert_eq!(scene.materials[1].classic().eta, 1.0);
     let meshes: Vec<(usize, usize)> = scene.meshes.iter().map(|m| (m.triangles.len(), m.normals.len())).collect();
     assert_eq!(meshes, [(3, 0), (1, 3)]);
     assert_eq!(scene.meshes[1].normals[1], Vec3::Z);

@@ -63,7 +63,7 @@ impl Reader<'_> {
             let channel = map.channel.unwrap_or(if has_alpha { Channel::Alpha } else { Channel::Luminance });
             let targets: &[Target] = match map.kind {
                 MapKind::Diffuse => &[Target::Parameter(Parameter::Diffuse)],
-                MapKind::Specular if !material.phong().k.is_black() => {
+                MapKind::Specular if !material.classic().k.is_black() => {
                     &[Target::Parameter(Parameter::Specular), Target::Parameter(Parameter::Mirror)]
                 }
                 MapKind::Specular => &[Target::Parameter(Parameter::Specular)],

@@ -222,7 +222,7 @@ fn colors_have_names() {
     // A named number is nearer than a colour.
     assert_eq!(scene(&format!("{CAMERA}let gold=0.5\nbackground gold")), scene(&format!("{CAMERA}background 0.5")));
     let repeated = scene(&format!("{CAMERA}repeat 2 {{ material \"m{{i}}\" {{ kd red; ks \"i / 2\" }} }}"));
-    assert_eq!(repeated.materials[1].phong().ks.r, 0.5);
+    assert_eq!(repeated.materials[1].classic().ks.r, 0.5);
     for (wrong, message) in [
         ("background oragne", "did you mean \"orange\"?"),
         ("background \"#ff88\"", "background takes a colour, got the text \"#ff88\""),
@@ -239,8 +239,8 @@ fn media_have_names() {
     let of = |eta: &str| scene(&format!("{CAMERA}material \"m\" {{ kd 0; opacity 0; eta {eta} }}"));
     assert_eq!(of("glass"), of("1.5"));
     assert_eq!(of("\"crown-glass\""), of("1.52"));
-    assert_eq!(of("diamond").materials[0].phong().eta, 2.42);
-    assert_eq!(scene(&format!("{CAMERA}material \"m\" eta=\"water\" opacity=0")).materials[0].phong().eta, 1.33);
+    assert_eq!(of("diamond").materials[0].classic().eta, 2.42);
+    assert_eq!(scene(&format!("{CAMERA}material \"m\" eta=\"water\" opacity=0")).materials[0].classic().eta, 1.33);
     assert!(mistake("material \"m\" { opacity 0; eta glas }").contains("did you mean \"glass\"?"));
 }
 

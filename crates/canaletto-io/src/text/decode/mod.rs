@@ -212,8 +212,9 @@ impl Decoder<'_> {
 impl Decoder<'_> {
     /// Warns of what should fill a shape that isn't closed.
     fn warn_of_open_bodies(&mut self, nodes: &[Node]) {
-        let fills =
-            |material: &Material| material.standard.is_none() && !material.medium.is_vacuum() && !material.is_opaque();
+        let fills = |material: &Material| {
+            material.standard().is_none() && !material.medium.is_vacuum() && !material.is_opaque()
+        };
         if !self.scene.materials.iter().any(fills) {
             return;
         }

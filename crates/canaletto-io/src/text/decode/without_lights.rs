@@ -22,7 +22,7 @@ impl Black {
         let is_bright_around = scene.environment.is_some() || scene.background != Rgb::BLACK;
         let shows = |material: &Material| {
             let targets = |wanted: &[Target]| material.textures.iter().any(|texture| wanted.contains(&texture.target));
-            let is_mirror = material.phong().k != Rgb::BLACK || targets(&[Target::Parameter(Parameter::Mirror)]);
+            let is_mirror = material.classic().k != Rgb::BLACK || targets(&[Target::Parameter(Parameter::Mirror)]);
             let is_seen = targets(&[Target::Replace, Target::Decal])
                 || material.may_emit()
                 || is_bright_around

@@ -235,22 +235,17 @@ impl<'a> Decoder<'a> {
             self.out_of_range(fields, &OutOfRange::new(DIELECTRIC, problem));
             return None;
         }
-        let model: MaterialModel = match (metal, body) {
-            (Some(Err(name)), _) => Conductor::named(name)?.into(),
-            (Some(Ok(inner)), _) => self.metal(fields, &inner)?.into(),
-            (None, Some(eta)) if eta > 0.0 && eta.is_finite() => Dielectric::new(eta).into(),
+        match (metal, body) {
+            (Some(Err(name)), _) => Some(Conductor::named(name)?.into()),
+            (Some(Ok(inner)), _) => Some(self.metal(fields, &inner)?.into()),
+            (None, Some(eta)) if eta > 0.0 && eta.is_finite() => Some(Dielectric::new(eta).into()),
             (None, Some(eta)) => {
                 let problem = format!("is {eta}; the coefficient of refraction must be more than 0");
                 self.out_of_range(fields, &OutOfRange::new(DIELECTRIC, problem));
-                return None;
+                None
             }
-            (None, None) => return None,
-        };
-        for row in OF_PHONG.map(Parameter::info).iter().filter(|row| fields.has_named(row.name)) {
-            let problem = "is of Phong's model, which conductor and dielectric replace; leave it out";
-            self.out_of_range(fields, &OutOfRange::new(row.name, problem));
+            (None, None) => None,
         }
-        Some(model)
     }
 
     /// The metal of a block; `None` after a mistake that leaves no metal.
@@ -404,11 +399,13 @@ impl<'a> Decoder<'a> {
         let fills_all = medium.is_some() && OF_PHONG.iter().all(|row| !fields.has_named(row.info().name));
         let bare =
             || (fills_all && matches!(material.model, MaterialModel::Phong(_))).then(|| Dielectric::new(1.0).into());
-        if let Some(model) = self.physical_model(fields).or_else(bare) {
-            let Phong { roughness, emission, .. } = *material.phong();
-            (material.model, material.standard) = (model, None);
-            let phong = material.model.phong_mut();
-            (phong.roughness, phong.emission) = (roughness, emission);
+        let model = self.physical_model(fields).or_else(bare);
+        let is_replaced = model.is_some();
+        if let Some(model) = model {
+            let Phong { roughness, emission, .. } = material.classic();
+            material.model = model;
+            material.model.set(Parameter::Roughness, ParameterValue::Number(roughness));
+            material.model.set(Parameter::Emission, ParameterValue::Color(emission));
         }
         self.change_microfacets(fields, &mut material.model);
         self.either(fields, &number(Parameter::Roughness.info()), &ALPHA);
@@ -417,9 +414,8 @@ impl<'a> Decoder<'a> {
             let problem = format!("is {alpha}; it must be between 0 (polished) and 1");
             self.out_of_range(fields, &OutOfRange::new(ALPHA.name(), problem));
         }
-        let phong = material.model.phong_mut();
         if let Some(alpha) = alpha {
-            phong.roughness = alpha.clamp(0.0, 1.0).sqrt();
+            material.model.set(Parameter::Roughness, ParameterValue::Number(alpha.clamp(0.0, 1.0).sqrt()));
         }
         for row in Parameter::ALL {
             let value = if row.is_color() {
@@ -427,15 +423,18 @@ impl<'a> Decoder<'a> {
             } else {
                 fields.get(&number(row)).map(ParameterValue::Number)
             };
-            if let Some(value) = value {
-                row.set(phong, value);
+            let Some(value) = value else { continue };
+            let is_left_out = is_replaced && OF_PHONG.contains(&row.parameter);
+            if is_left_out || !material.model.set(row.parameter, value) {
+                let problem = "is of Phong's model, which conductor and dielectric replace; leave it out";
+                self.out_of_range(fields, &OutOfRange::new(row.name, problem));
             }
         }
         change(&mut material.medium, medium);
         change(&mut material.medium.absorption, fields.get(&ABSORPTION));
         let glow = self.glow(fields, &TEMPERATURE);
-        let phong = material.model.phong_mut();
-        phong.emission = phong.emission * glow;
+        let emission = material.classic().emission * glow;
+        material.model.set(Parameter::Emission, ParameterValue::Color(emission));
         change(&mut material.coverage, fields.get(&COVERAGE));
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));

@@ -153,14 +153,14 @@ impl Decoder<'_> {
     pub(super) fn change_standard(&mut self, fields: &Fields, material: &mut Material) -> bool {
         if !fields.has(&STANDARD_FIELD) {
             let others = [CONDUCTOR.name, DIELECTRIC];
-            return material.standard.is_some() && !others.iter().any(|name| fields.has_named(name));
+            return material.standard().is_some() && !others.iter().any(|name| fields.has_named(name));
         }
         for other in [CONDUCTOR.name, DIELECTRIC].iter().filter(|name| fields.has_named(name)) {
             let problem = format!("and {} are two models; a material has one", STANDARD.name);
             self.out_of_range(fields, &OutOfRange::new(other, problem));
         }
         let Some(inner) = self.block(fields, &STANDARD_FIELD) else { return true };
-        let mut surface = material.standard.as_deref().copied().unwrap_or_default();
+        let mut surface = material.standard().copied().unwrap_or_default();
         if let Some(preset) = inner.text(&PRESET) {
             surface = PRESETS.iter().find(|row| row.name == preset).map_or(surface, |row| row.surface());
         }

@@ -156,7 +156,7 @@ fn blocks_are_made_and_changed() {
         let text = format!("{SCENE}material \"gold\" {{ {text} }}\nbox material=\"gold\" {{ min 0 0 0; max 1 1 1 }}");
         let scene = scene_with(&text, set)?;
         let gold = scene.materials.iter().find(|material| material.name == "gold").unwrap();
-        Ok::<_, String>(gold.standard.clone().unwrap_or_default())
+        Ok::<_, String>(gold.standard().copied().unwrap_or_default())
     };
     for text in ["", "standard", "standard { specular { weight 0.5 } }", "standard preset=\"gold\""] {
         for path in ["material.gold.standard.specular.roughness=0.4", "material.standard.specular.roughness=0.4"] {

@@ -104,7 +104,7 @@ impl<'t> Walk<'t> {
         self.words("material", [&a.material, &b.material]);
         self.textures([&a.textures, &b.textures]);
         for parameter in Parameter::ALL {
-            let value = |hit: &HitNode| match parameter.get(hit.model.phong()).to_vec()[..] {
+            let value = |hit: &HitNode| match parameter.get(&hit.phong).to_vec()[..] {
                 [number] => TermValue::Number(exact(number)),
                 ref color => TermValue::Numbers(color.iter().map(|v| exact(*v)).collect()),
             };

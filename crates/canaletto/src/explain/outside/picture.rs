@@ -72,7 +72,7 @@ fn shade(world: &World, line: DRay, hit: &Hit, back: DVec3) -> (DVec3, bool) {
     let mut surface = world.surface(line, hit);
     let material = world.material(hit);
     let point = world.material_point(material, (line, hit), &mut surface, Some([DVec3::ZERO; 2]), &mut ());
-    let phong = point.phong();
+    let phong = &point.classic;
     let (overlay, share) = point.overlay;
     let kd = overlay * share + phong.kd * (1.0 - share);
     // Mirrors and lamps have little kd, so that what they send stands for it.

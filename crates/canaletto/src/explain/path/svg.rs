@@ -4,7 +4,7 @@ use super::{Arrival, PathRay, PathSample, PathStep, PathTree, SampledNode};
 use crate::explain::outside::OutsideView;
 use crate::explain::tree::{HitNode, LightNode, Outcome, RayNode, Side};
 use crate::explain::tree_svg::drawing;
-use crate::material::MaterialModel;
+use crate::material::Phong;
 use crate::math::Rgb;
 
 impl PathTree {
@@ -82,7 +82,7 @@ impl PathRay {
                 side: surface.map_or(Side::Outside, |surface| surface.side),
                 steps: None,
                 material: surface.map_or(String::new(), |surface| surface.material.clone()),
-                model: MaterialModel::default(),
+                phong: Phong::default(),
                 textures: Vec::new(),
                 unlit: None,
                 ambient: None,

@@ -17,7 +17,7 @@ fn scene() -> Scene {
     let lamp = Phong { emission: Rgb::new(9.0, 7.0, 5.0), ..phong(0.1) };
     let fog = Medium { absorption: Rgb::gray(0.1), scattering: Rgb::new(0.9, 0.6, 0.4), anisotropy: 0.3 };
     let gold = Conductor::named("gold").unwrap();
-    let rough = Conductor { phong: Phong { roughness: 0.3, ..gold.phong }, ..gold };
+    let rough = Conductor { roughness: 0.3, ..gold };
     let transmission = StandardTransmission { weight: 1.0, dispersion_scale: 1.0, ..StandardTransmission::default() };
     let ball = |x: f32, radius: f32| Shape::Sphere(Sphere { center: Vec3::new(x, radius, 0.0), radius });
     let node = |shape: Shape, material: u32| Node::from(shape).with_material(material);

@@ -47,7 +47,7 @@ fn clear(eta: f32, opacity: f32) -> Material {
 
 fn glass(roughness: f32) -> Material {
     let glass = Dielectric::new(1.5);
-    Material::new("glass", Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass })
+    Material::new("glass", Dielectric { roughness, ..glass })
 }
 
 fn standard() -> StandardSurface {

@@ -212,18 +212,17 @@ impl Emitter {
             let swept = world.placed_bounds(of[0]);
             (min, max, normals) = (swept.min.as_dvec3(), swept.max.as_dvec3(), NormalCone::ALL);
         }
-        let own = description.phong().emission;
+        let point = description.plain();
+        let own = point.classic.emission;
         // A texture alone gives the emission: its colours are at most about white.
         let typical = if own.is_black() { Rgb::WHITE } else { own };
         let attenuation = world.visible_light(material).map(|light| light.attenuation);
-        let mut point = MaterialPoint::default();
-        description.set(&mut point, None);
         let mut emitter = Emitter {
             sampler,
             place,
             of,
             primitives,
-            radiance: description.textures.is_empty().then(|| seen_emission(&point, true)),
+            radiance: description.textures.is_empty().then(|| seen_emission(point, true)),
             two_sided: description.two_sided,
             attenuation: attenuation.filter(|coefficients| *coefficients != [1.0, 0.0, 0.0]),
             bounds: ClusterBounds {

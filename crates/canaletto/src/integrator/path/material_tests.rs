@@ -36,7 +36,7 @@ fn glass(roughness: f32) -> StandardSurface {
 fn what_absorbs_nothing_is_not_seen_in_even_light() {
     let rough = |roughness: f32| {
         let glass = Dielectric::new(1.5);
-        Material::new("glass", Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass })
+        Material::new("glass", Dielectric { roughness, ..glass })
     };
     let standard = |surface: StandardSurface| Material::new_standard("standard", surface);
     let dispersed = StandardTransmission { dispersion_scale: 1.0, ..glass(0.0).transmission };
@@ -69,7 +69,7 @@ fn what_absorbs_nothing_is_not_seen_in_even_light() {
 fn frosted_glass_is_as_noisy_as_a_dielectric() {
     for roughness in [0.2, 0.5] {
         let smooth = Dielectric::new(1.5);
-        let frosted = Dielectric { phong: Phong { roughness, ..smooth.phong }, ..smooth };
+        let frosted = Dielectric { roughness, ..smooth };
         let (mean, error) = ball(Material::new_standard("standard", glass(roughness)), 64);
         let (_, reference) = ball(Material::new("dielectric", frosted), 64);
         assert!((mean - 1.0).abs() < 1e-3 + 3.3 * error, "{roughness}: {mean} ± {error}");
@@ -111,7 +111,7 @@ fn leaning_normals_take_no_light() {
             let specular = StandardSpecular { roughness, ..StandardSpecular::default() };
             let mirror = Conductor::new(Rgb::gray(1e-6), Rgb::gray(1e6));
             for (name, material) in [
-                ("metal", Material::new("m", Conductor { phong: Phong { roughness, ..mirror.phong }, ..mirror })),
+                ("metal", Material::new("m", Conductor { roughness, ..mirror })),
                 (
                     "plastic",
                     Material::new_standard("p", StandardSurface { base: white, specular, ..Default::default() }),
@@ -162,11 +162,11 @@ fn corners_of_materials_keep_light() {
     };
     let dielectric = |eta: f32, roughness: f32| {
         let glass = Dielectric::new(eta);
-        Material::new("glass", Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass })
+        Material::new("glass", Dielectric { roughness, ..glass })
     };
     let conductor = |eta: f32, k: f32, roughness: f32| {
         let metal = Conductor::new(Rgb::gray(eta), Rgb::gray(k));
-        Material::new("metal", Conductor { phong: Phong { roughness, ..metal.phong }, ..metal })
+        Material::new("metal", Conductor { roughness, ..metal })
     };
     let phong = |[kd, ks, k, opacity]: [f32; 4], n: f32, roughness: f32| {
         let [ks, k] = [ks, k].map(Rgb::gray);

@@ -14,7 +14,7 @@ use super::light_sampler::{KnownChoice, Source};
 use super::stream::PathShadow;
 use super::trace::{Path, ROULETTE_AFTER, ScatteredFrom, uses};
 use crate::integrator::media::NONE;
-use crate::material::{ConductorPoint, Lobe, Material, MaterialModel, MaterialPoint, Parameter, Target};
+use crate::material::{ConductorPoint, Lobe, MaterialModel, MaterialPoint, Parameter, PreparedMaterial, Target};
 use crate::math::{DRay, Rgb};
 use crate::sampler::{Dimension, Samples8};
 use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
@@ -58,7 +58,7 @@ impl OpaqueMaterials {
 }
 
 impl OpaqueMaterial {
-    fn new(material: &Material) -> Option<OpaqueMaterial> {
+    fn new(material: &PreparedMaterial) -> Option<OpaqueMaterial> {
         let is_harmless = |target: Target| match target {
             Target::Parameter(parameter) => parameter == Parameter::Diffuse,
             Target::Bump | Target::Normal { .. } | Target::Displace { .. } => true,
@@ -71,26 +71,24 @@ impl OpaqueMaterial {
         {
             return None;
         }
-        let mut point = MaterialPoint::default();
-        material.set(&mut point, None);
-        let kind = match &point.model {
+        let kind = match &material.model {
+            MaterialModel::Phong(_) => OpaqueKind::Diffuse(diffuse_color(material.plain())?),
             MaterialModel::Conductor(conductor) => {
-                let point = ConductorPoint::new(conductor);
+                let point = ConductorPoint::new(conductor, material.plain());
                 if !point.is_rough_and_correlated() {
                     return None;
                 }
                 OpaqueKind::Metal(point)
             }
-            _ => OpaqueKind::Diffuse(diffuse_color(point)?),
+            _ => return None,
         };
         Some(OpaqueMaterial { kind, is_textured: !material.is_plain() })
     }
 }
 
-/// The diffuse colour at a point, if the material there has nothing else.
-fn diffuse_color(point: MaterialPoint) -> Option<Rgb> {
-    let MaterialModel::Phong(phong) = point.model else { return None };
-    let phong = phong.bounded();
+/// The diffuse colour at a point of Phong's model, if there is nothing else.
+fn diffuse_color(point: &MaterialPoint) -> Option<Rgb> {
+    let phong = point.classic.bounded();
     phong.is_diffuse().then_some(phong.kd)
 }
 
@@ -145,9 +143,7 @@ impl<M> Vertices<M> {
             return Some(point);
         }
         let color = world.push_surface(path.line(), hit, lane, &mut self.inputs, &mut self.surfaces)?;
-        let mut point = MaterialPoint::default();
-        world.material(hit).set(&mut point, Some(color));
-        Some(point)
+        Some(world.material(hit).colored(Some(color)))
     }
 }
 
@@ -173,7 +169,7 @@ impl PathTracer<'_> {
             OpaqueKind::Diffuse(kd) => {
                 let lane = vertices.diffuse.len;
                 let point = vertices.diffuse.push(self.world, (number, path), hit, material.is_textured);
-                let kd = point.map_or(*kd, |point| diffuse_color(point).unwrap_or_default());
+                let kd = point.map_or(*kd, |point| diffuse_color(&point).unwrap_or_default());
                 set_vec3(&mut vertices.diffuse.materials.kd, lane, kd.to_array().into());
                 if lane + 1 == LANES {
                     self.scatter_eight(&mut vertices.diffuse, paths, shadows, end);

@@ -13,7 +13,6 @@ use super::vertex::{SurfaceVertex, Vertex};
 use crate::integrator::media::NONE;
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
 use crate::integrator::whitted::BEFORE_LIGHT;
-use crate::material::StandardSurface;
 use crate::math::{DRay, Rgb};
 
 /// A smaller share of a light counts as zero.
@@ -110,8 +109,7 @@ impl PathTracer<'_> {
 
     /// The share that passes a surface by the η of each channel, where `share` is that of all of them by one η.
     fn in_all_channels(&mut self, met: &VisibleHit, vertex: &SurfaceVertex, share: Rgb) -> Rgb {
-        let is_dispersive = |surface: &StandardSurface| surface.is_dispersive();
-        if share.is_black() || !self.world.material(&met.hit).standard.as_deref().is_some_and(is_dispersive) {
+        if share.is_black() || !self.world.material(&met.hit).is_dispersive() {
             return share;
         }
         let of_channel = |channel| {

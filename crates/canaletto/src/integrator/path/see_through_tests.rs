@@ -53,7 +53,7 @@ fn fog_that_absorbs_nothing_is_white() {
 fn thick_white_media_are_white() {
     let rough = |eta: f32, roughness: f32| {
         let glass = Dielectric::new(eta);
-        Dielectric { phong: Phong { roughness, ..glass.phong }, ..glass }
+        Dielectric { roughness, ..glass }
     };
     let surfaces = [(1.0, 0.0, 0.0), (1.33, 0.0, 0.6), (1.5, 0.4, 0.0), (2.4, 0.3, 0.0)];
     for ((eta, roughness, anisotropy), has_lamp) in surfaces.into_iter().flat_map(|s| [(s, false), (s, true)]) {

@@ -12,9 +12,7 @@ use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent
 use crate::integrator::media::{NONE, Refraction, SIMPLE};
 use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
-use crate::material::{
-    HenyeyGreenstein, Lobe, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf,
-};
+use crate::material::{HenyeyGreenstein, Lobe, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
@@ -566,8 +564,7 @@ impl PathTracer<'_> {
 
     /// Leaves a path one channel of three at a body that refracts them by different angles.
     fn disperse<P: Probe>(&self, path: &mut Path, met: &VisibleHit, probe: &mut P) {
-        let standard = &self.world.material(&met.hit).standard;
-        if path.channel.is_none() && standard.as_ref().is_some_and(|surface| surface.is_dispersive()) {
+        if path.channel.is_none() && self.world.material(&met.hit).is_dispersive() {
             // Each as often as the throughput has it, so that those that are left out take little light with them.
             let shares = path.throughput.to_array().map(f64::from);
             let sum: f64 = shares.iter().sum();
@@ -601,8 +598,8 @@ impl PathTracer<'_> {
             SIMPLE => Some(self.media.simple(self.world, &met.hit, frame.outside, met.inside)),
             crossing => self.media.crossing(crossing).copied(),
         };
-        let dispersed = channel.zip(described.standard.as_deref().filter(|surface| surface.is_dispersive()));
-        let eta = dispersed.map_or(met.material.phong().eta, |(channel, surface)| surface.dispersed_ior()[channel]);
+        let dispersed = channel.zip(described.standard().filter(|surface| surface.is_dispersive()));
+        let eta = dispersed.map_or(met.material.classic.eta, |(channel, surface)| surface.dispersed_ior()[channel]);
         let eta = f64::from(eta);
         let eta_ratio = match crossing.map(|crossing| crossing.refraction) {
             Some(Refraction::Outer(outer)) if frame.outside => outer / eta,

@@ -112,7 +112,7 @@ impl SolutionFingerprint {
             bodies.cylinders.push(hash.finish());
             add_colors(&mut of_materials, colors);
         }
-        for Material { name: _, model, standard: _, coverage, priority, two_sided, medium: _, textures } in materials {
+        for Material { name: _, model, coverage, priority, two_sided, medium: _, textures } in materials {
             add_debug(&mut of_materials, &(model, coverage, priority, two_sided, textures));
         }
         for Texture { name: _, kind } in textures {

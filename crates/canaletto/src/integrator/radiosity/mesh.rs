@@ -5,7 +5,6 @@ use super::outline::{CELLS, Outline};
 use super::root::{Root, facets, roots, solids};
 use super::{RadiosityError, RadiositySettings};
 use crate::job::{Observer, SolvingPhase, SolvingProgress};
-use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::world::{Solids, World};
 use canaletto_bvh::Aabb;
@@ -167,13 +166,10 @@ impl<'w> PatchMesh<'w> {
                     has_own_color.set(has_own_color.get() || surface.color.is_some());
                     self.world.material_point(material, (line, &hit), &mut surface, None, &mut ())
                 }
-                None => {
-                    let two_sided = material.two_sided;
-                    MaterialPoint { model: material.model, two_sided, ..MaterialPoint::default() }
-                }
+                None => *material.plain(),
             };
             let seen = f64::from(at.coverage * (1.0 - at.overlay.1));
-            [at.phong().kd, at.emitted(root.is_outer)].map(|color| vector(color) * seen)
+            [at.classic.kd, at.emitted(root.is_outer)].map(|color| vector(color) * seen)
         };
         let cells: Vec<usize> = (0..CELLS).filter(|&cell| element.is_bare(cell)).collect();
         let mean = |cells: &[usize]| {

@@ -233,7 +233,7 @@ fn no_light_is_lost_in_a_closed_room() {
 #[test]
 fn form_factors_are_complete_and_reciprocal() {
     let mut scene = Scene { materials: vec![kd("wall", 0.5).with_two_sided(true)], ..Scene::default() };
-    scene.materials[0].model.phong_mut().emission = Rgb::WHITE;
+    scene.materials[0].model.phong_mut().unwrap().emission = Rgb::WHITE;
     scene.nodes.push(Node::from(cube(-1.0, 1.0)).with_material(0));
     let world = World::build(scene).unwrap();
     let settings = settings(RadiosityMethod::Full, 0.05);
@@ -406,7 +406,7 @@ fn pictures_are_equal_ray_by_ray() {
     use crate::scene::{Extrinsics, FilmSettings, Intrinsics};
     let mut scene = still_life(1.0);
     scene.nodes.push(omni(Vec3::new(3.0, 4.0, 3.0)));
-    scene.materials[0].model.phong_mut().k = Rgb::gray(0.2);
+    scene.materials[0].model.phong_mut().unwrap().k = Rgb::gray(0.2);
     let world = World::build(scene).unwrap();
     let intrinsics = Intrinsics { width: 40, height: 30, ..Intrinsics::default() };
     let extrinsics =

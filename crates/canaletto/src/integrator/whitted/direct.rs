@@ -34,7 +34,7 @@ impl<'w> Whitted<'w> {
         if self.is_cancelled {
             return Rgb::BLACK;
         }
-        let (frame, phong) = (&at.frame, at.material.phong());
+        let (frame, phong) = (&at.frame, &at.material.classic);
         let source = self.source(light);
         let is_sampled = source.is_sampled();
         let arriving = if is_sampled {

@@ -160,7 +160,7 @@ impl<'w> Whitted<'w> {
         self.poll(term.rays);
         self.counts.shadow.traced += u64::from(term.rays);
         self.counts.shadow.hit += u64::from(term.rays) - term.passed.ceil() as u64;
-        term.contribution = (term.arriving * at.material.phong().kd).saturated(); // (5.32)
+        term.contribution = (term.arriving * at.material.classic.kd).saturated(); // (5.32)
         Some(term)
     }
 
@@ -219,7 +219,7 @@ impl<'w> Whitted<'w> {
         while let Some(visible_hit) = self.intersect(&ray, &mut ()) {
             let at = SurfaceInteraction::new(&visible_hit, &ray);
             let material = at.material;
-            let (coverage, opacity) = (material.coverage, material.phong().opacity);
+            let (coverage, opacity) = (material.coverage, material.classic.opacity);
             let is_clear = self.settings.stage >= Stage::Full && material.is_clear() && material.is_seen();
             let refracted = if is_clear { self.refracted_ray(&at, &mut ()) } else { None };
             let straight = refracted.filter(|ray| ray.path_state.is_straight);

@@ -16,7 +16,7 @@ const MAX_PASSED: u32 = 64;
 impl Whitted<'_> {
     /// The ray from a mirror in the mirrored direction, unless the tree ends here.
     pub(super) fn reflected_ray<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
-        let phong = at.material.phong();
+        let phong = &at.material.classic;
         let path_state = self.child(at.parent(), RayKind::Reflected, phong.k, probe)?;
         let first_crossing = self.media.crossing(at.crossing).map_or(NONE, |c| c.back);
         let path_state = PathState { inside: self.inside(at), first_crossing, ..path_state };
@@ -32,7 +32,7 @@ impl Whitted<'_> {
 
     /// The ray into or out of a clear body, or the ray mirrored inside it, unless the tree ends here.
     pub(super) fn refracted_ray<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
-        let (phong, frame) = (at.material.phong(), &at.frame);
+        let (phong, frame) = (&at.material.classic, &at.frame);
         let Crossing { refraction, beyond, next, back, .. } = match at.crossing {
             SIMPLE => self.media.simple(self.world, at.hit, frame.outside, at.inside),
             crossing => *self.media.crossing(crossing)?,
@@ -144,7 +144,7 @@ impl SurfaceInteraction<'_> {
 
     /// The normal of a random microfacet, if the surface is rough.
     fn microfacet(&self, use_of: u32) -> Option<DVec3> {
-        let (frame, roughness) = (&self.frame, self.material.phong().roughness);
+        let (frame, roughness) = (&self.frame, self.material.classic.roughness);
         if roughness == 0.0 {
             return None;
         }

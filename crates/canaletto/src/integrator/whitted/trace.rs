@@ -42,7 +42,7 @@ impl Whitted<'_> {
 
     /// `shade`: (5.39b), up to the stage of the settings. Under an opaque overlay nothing of it is visible.
     fn shade<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
-        let (stage, phong, mut color) = (self.settings.stage, at.material.phong(), Rgb::BLACK);
+        let (stage, phong, mut color) = (self.settings.stage, &at.material.classic, Rgb::BLACK);
         if !at.material.is_seen() || self.is_cancelled {
             return color;
         }

@@ -5,7 +5,7 @@ use super::grid_side;
 use crate::Named;
 use crate::diagnose::Omission;
 use crate::job::Job;
-use crate::material::{Material, Parameter, Target};
+use crate::material::{Parameter, PreparedMaterial, Target};
 use crate::scene::{Filter, Sampling, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, Primitives, World};
 use std::collections::BTreeSet;
@@ -14,23 +14,24 @@ use std::collections::BTreeSet;
 struct Kind {
     /// What it draws in place of it.
     sentence: &'static str,
-    is_of: fn(&Material) -> bool,
+    is_of: fn(&PreparedMaterial) -> bool,
 }
 
-fn has_texture(material: &Material, parameter: Parameter) -> bool {
+fn has_texture(material: &PreparedMaterial, parameter: Parameter) -> bool {
     material.textures.iter().any(|texture| texture.target == Target::Parameter(parameter))
 }
 
 const KINDS: [Kind; 3] = [
     Kind {
         sentence: "a z-buffer draws no reflections, so these mirrors reflect nothing",
-        is_of: |m| !m.phong().k.is_black() || has_texture(m, Parameter::Mirror),
+        is_of: |m| !m.plain().classic.k.is_black() || has_texture(m, Parameter::Mirror),
     },
     Kind {
         sentence: "a z-buffer refracts no light, so these clear objects are opaque",
         is_of: |m| {
             // A medium without a surface isn't drawn.
-            !m.model.is_index_matched_to_air() && (m.phong().opacity < 1.0 || has_texture(m, Parameter::Opacity))
+            !m.model.is_index_matched_to_air()
+                && (m.plain().classic.opacity < 1.0 || has_texture(m, Parameter::Opacity))
         },
     },
     Kind {

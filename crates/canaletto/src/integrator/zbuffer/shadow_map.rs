@@ -12,7 +12,7 @@ use super::projection::{Projection, depth_plane};
 use super::unshaded_view::UnshadedView;
 use crate::integrator::whitted::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
-use crate::material::Material;
+use crate::material::PreparedMaterial;
 use crate::world::{Hit, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
@@ -39,8 +39,8 @@ pub(super) struct ShadowMaps<'w> {
 }
 
 /// Whether a surface blocks light, as far as a map can tell.
-fn casts_shadows(material: &Material) -> bool {
-    material.phong().opacity >= 0.5
+fn casts_shadows(material: &PreparedMaterial) -> bool {
+    material.plain().classic.opacity >= 0.5
 }
 
 impl<'w> ShadowMaps<'w> {

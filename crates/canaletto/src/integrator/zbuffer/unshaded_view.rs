@@ -5,7 +5,7 @@ use super::fragment::{FacetCache, VisibleTriangle};
 use super::geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
 use super::projection::Projection;
 use super::raster::{ScreenTriangle, Sites, Source, VisibilityBuffer};
-use crate::material::Material;
+use crate::material::PreparedMaterial;
 use crate::math::DRay;
 use crate::world::World;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ pub(super) struct UnshadedView<'a> {
     /// See [`GeometryStage::with_unbounded`].
     pub(super) with_unbounded: bool,
     /// Whether a material is drawn.
-    pub(super) is_drawn: fn(&Material) -> bool,
+    pub(super) is_drawn: fn(&PreparedMaterial) -> bool,
     /// Whether a triangle is drawn.
     pub(super) is_seen: &'a (dyn Fn(&ScreenTriangle) -> bool + Sync),
     /// The least coverage that counts as there, at a place in pixels of a triangle.

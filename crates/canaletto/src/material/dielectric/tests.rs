@@ -5,8 +5,7 @@ use super::super::{Bsdf, Masking};
 use super::*;
 
 fn glass_with(roughness: f32, eta_ratio: f64, microfacets: MicrofacetOptions) -> Bsdf {
-    let glass = Dielectric::new(1.5);
-    let glass = Dielectric { phong: Phong { roughness, ..glass.phong }, microfacets };
+    let glass = Dielectric { roughness, microfacets, ..Dielectric::new(1.5) };
     bsdf_of(glass, ScatteringFrame::flat(DVec3::Z, eta_ratio))
 }
 

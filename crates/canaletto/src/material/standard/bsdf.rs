@@ -2,7 +2,9 @@
 
 use super::super::bsdf::mirrored_at;
 use super::super::ggx::{Ggx, Masking};
-use super::super::{BsdfSample, Lobe, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract};
+use super::super::{
+    BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
+};
 use super::diffuse;
 use super::layers::{Layer, Layers, weighted_ior};
 use super::metal::MetalFresnel;
@@ -70,12 +72,14 @@ struct Local {
 impl StandardBsdf {
     pub(in crate::material) fn new(
         surface: &StandardSurface,
-        point: &StandardPoint,
+        point: &MaterialPoint,
         frame: ScatteringFrame,
     ) -> StandardBsdf {
+        let StandardPoint { base_color, metalness } = point.standard.unwrap_or(surface.point());
+        let Phong { opacity, roughness, .. } = point.classic;
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_film, thin_walled, .. } =
             *surface;
-        let is_clear = transmission.weight > 0.0 && (thin_walled || frame.is_closed && point.phong.opacity < 1.0);
+        let is_clear = transmission.weight > 0.0 && (thin_walled || frame.is_closed && opacity < 1.0);
         let from_inside = is_clear && !thin_walled && !frame.outside;
         // From inside a clear body only the base's boundary is met.
         let coat_weight = if from_inside { 0.0 } else { coat.weight };
@@ -89,8 +93,7 @@ impl StandardBsdf {
             false => 1.0 / weighted_ior(ior, specular.weight.into()),
         };
         let diffuse_from = if from_inside { (1.0 - 1.0 / (eta_ratio * eta_ratio)).max(0.0).sqrt() } else { 0.0 };
-        let base_color = point.base_color * base.weight;
-        let roughness = point.phong.roughness;
+        let base_color = base_color * base.weight;
         let [r4, coat_r4] = [roughness, coat.roughness].map(|r| f64::from(r * r) * f64::from(r * r));
         let rougher = (r4 + 2.0 * coat_r4).min(1.0).sqrt().sqrt();
         let roughness = roughness + coat_weight * (rougher as f32 - roughness);
@@ -102,7 +105,7 @@ impl StandardBsdf {
             diffuse_roughness: if from_inside { 0.0 } else { base.diffuse_roughness },
             diffuse_from,
             metal: MetalFresnel::new(base_color, specular.color),
-            metalness: point.metalness,
+            metalness,
             metal_weight: specular.weight.min(1.0),
             specular_tint: if from_inside { Rgb::WHITE } else { specular.color },
             roughness,

@@ -3,19 +3,14 @@
 use super::super::Phong;
 use super::{StandardSurface, layers};
 use crate::math::Rgb;
-use serde::{Deserialize, Serialize};
 
-/// The numbers of a standard surface that textures drive. The rest of them stay with the material
-/// ([`Material::standard`](super::super::Material::standard)).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// The numbers of a standard surface that textures drive. The rest stay with the material.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandardPoint {
     /// The diffuse colour, or a metal's colour at right angles, 0 to 1.
     pub base_color: Rgb,
     /// The share that is metal, 0 to 1.
     pub metalness: f32,
-    /// What integrators without this model take in its place. Its η, roughness and emission are those of the surface,
-    /// too.
-    pub phong: Phong,
 }
 
 /// The roughness up to which other integrators trace mirrored rays for the reflection of a dielectric.
@@ -24,39 +19,40 @@ const POLISHED: f32 = 0.1;
 impl StandardSurface {
     /// The numbers of the surface where no texture drives them.
     pub fn point(&self) -> StandardPoint {
-        let emission = self.emission.color * self.emission.radiance;
-        let phong = Phong { roughness: self.specular.roughness, emission, ..Phong::default() };
-        let mut point = StandardPoint { base_color: self.base.color, metalness: self.base.metalness, phong };
-        point.approximate(self);
-        point
+        StandardPoint { base_color: self.base.color, metalness: self.base.metalness }
     }
-}
 
-impl StandardPoint {
-    /// Sets the coefficients of (5.39b) to those nearest to the surface with the point's numbers.
+    /// The classic view of the surface where no texture drives it.
+    pub(in crate::material) fn classic(&self) -> Phong {
+        let emission = self.emission.color * self.emission.radiance;
+        let mut phong = Phong { roughness: self.specular.roughness, emission, ..Phong::default() };
+        self.approximate(&self.point(), &mut phong);
+        phong
+    }
+
+    /// Sets the coefficients of (5.39b) to those nearest to the surface with the point's numbers and the roughness.
     ///
     /// kd is the diffuse colour. A point light's highlight has the height of the microfacets' peak at right angles,
     /// F0 / (4 α²), up to F0, and Phong's exponent of Blinn's, (2/α² − 2) / 4 (Fisher & Woo, *R.E versus N.H Specular
     /// Highlights*, 1994). k is F0 of metals, and of polished dielectrics and coats. The opacity is 1 less what passes
     /// at right angles. The coat's colour tints all below it, and fuzz adds its mean albedo to kd.
-    pub(in crate::material) fn approximate(&mut self, surface: &StandardSurface) {
-        let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_walled, .. } = surface;
-        let metal = self.metalness;
-        let ior = surface.ior();
+    pub(in crate::material) fn approximate(&self, at: &StandardPoint, phong: &mut Phong) {
+        let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_walled, .. } = self;
+        let metal = at.metalness;
+        let ior = self.ior();
         let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
         let coat_f0 = layers::reflection_at_right_angles(coat.ior.into()) as f32 * coat.weight;
-        let base_color = self.base_color * base.weight;
+        let base_color = at.base_color * base.weight;
         let opaque = base_color * (1.0 - subsurface.weight) + subsurface.color * subsurface.weight;
         let tint = (Rgb::WHITE * (1.0 - coat.weight) + coat.color * coat.weight) * (1.0 - coat_f0);
         let clear = (1.0 - metal) * transmission.weight;
         let mirrored = base_color * (metal * specular.weight.min(1.0));
         let gloss = specular.color * ((1.0 - metal) * f0);
-        let alpha = (self.phong.roughness * self.phong.roughness).max(0.01);
+        let alpha = (phong.roughness * phong.roughness).max(0.01);
         let peak = (0.25 / (alpha * alpha)).min(1.0);
         let coat_alpha = (coat.roughness * coat.roughness).max(0.01);
-        let is_polished = self.phong.roughness <= POLISHED;
+        let is_polished = phong.roughness <= POLISHED;
         let coat_is_polished = coat.roughness <= POLISHED;
-        let phong = &mut self.phong;
         // The mean albedo of fuzz over all angles is about a quarter.
         let fuzzy = 0.25 * fuzz.weight;
         phong.kd = opaque * tint * ((1.0 - metal) * (1.0 - transmission.weight) * (1.0 - f0) * (1.0 - fuzzy))

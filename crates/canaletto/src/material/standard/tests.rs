@@ -1,15 +1,14 @@
 //! The standard surface: densities, albedos, what is lossless, and each layer against a formula.
 
-use super::super::bsdf_tests::{albedo, check_sampling, direction, unsqueezed_albedo};
-use super::super::{Bsdf, Lobe, Material, MaterialPoint, ScatteringFrame};
+use super::super::bsdf_tests::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
+use super::super::{Bsdf, Lobe, Material, ScatteringFrame};
 use super::*;
 use crate::material::METALS;
 use glam::DVec3;
 
 fn bsdf_in(surface: StandardSurface, frame: ScatteringFrame) -> Bsdf {
-    let material = Material::new_standard("test", surface);
-    material.check().unwrap();
-    material.bsdf(&MaterialPoint { model: material.model, ..MaterialPoint::default() }, frame)
+    surface.check().unwrap();
+    bsdf_of(surface, frame)
 }
 
 fn bsdf(surface: StandardSurface) -> Bsdf {
@@ -358,7 +357,7 @@ fn presets_are_possible_surfaces() {
 /// What other integrators take: a white plastic is matte, a metal mirrors, glass is clear.
 #[test]
 fn other_integrators_take_the_nearest_meaning() {
-    let phong = |surface: StandardSurface| surface.point().phong;
+    let phong = |surface: StandardSurface| surface.classic();
     let plastic = phong(rough(white(), 0.5));
     assert!(plastic.kd.g > 0.9 && plastic.k.is_black() && plastic.opacity == 1.0 && plastic.ks.g > 0.0);
     let gold = phong(metal(rough(white(), 0.2)));

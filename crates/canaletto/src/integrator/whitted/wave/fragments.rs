@@ -109,7 +109,7 @@ impl FragmentWave<'_, '_> {
         surface_inputs.set_line(lane, line);
         if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
             let color = whitted.world.push_surface(line, hit, lane, surface_inputs, &mut interactions8.surfaces);
-            wave.interactions.push(index, hit, surface_inputs, |point| material.set(point, color));
+            wave.interactions.push(index, hit, surface_inputs, |point| *point = material.colored(color));
         } else {
             let (surface, point, footprint) = whitted.evaluate(fragment, &mut ());
             wave.footprints.extend(footprint);

@@ -98,7 +98,7 @@ impl Interactions8 {
     /// Stores an interaction's material.
     #[inline]
     pub(super) fn set_material(&mut self, lane: usize, material: &MaterialPoint) {
-        let phong = material.phong();
+        let phong = &material.classic;
         set_vec3(&mut self.kd, lane, phong.kd.to_array().into());
         set_vec3(&mut self.ks, lane, phong.ks.to_array().into());
         self.n[lane] = phong.n;

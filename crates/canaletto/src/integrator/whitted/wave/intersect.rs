@@ -41,7 +41,7 @@ impl Whitted<'_> {
                 let (line, (interactions8, lane)) = (batch.lines[index], interactions.next());
                 surface_inputs.set_line(lane, &line);
                 let color = world.push_surface(&line, &hit, lane, surface_inputs, &mut interactions8.surfaces);
-                interactions.push(index, &hit, surface_inputs, |point| material.set(point, color));
+                interactions.push(index, &hit, surface_inputs, |point| *point = material.colored(color));
                 if is_clear {
                     (interactions.last_mut().inside, interactions.last_mut().crossing) = (inside, media::SIMPLE);
                 }

@@ -213,7 +213,7 @@ impl Whitted<'_> {
         let seen = |interaction: &&mut Interaction| interaction.is_seen();
         if stage == Stage::Unlit {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color = interaction.material.phong().kd;
+                interaction.color = interaction.material.classic.kd;
             }
             return;
         }
@@ -221,7 +221,7 @@ impl Whitted<'_> {
             for index in 0..wave.interactions.len() {
                 if wave.interactions.each()[index].is_seen() {
                     let at = wave.at(index);
-                    let ambient = (self.ambient(&at) * at.material.phong().kd).saturated(); // (5.33)
+                    let ambient = (self.ambient(&at) * at.material.classic.kd).saturated(); // (5.33)
                     let emitters = self.emitters(&at).map(|term| term.contribution);
                     let color = &mut wave.interactions.all_mut()[index].color;
                     *color += ambient;
@@ -232,7 +232,7 @@ impl Whitted<'_> {
             }
         } else if stage >= Stage::Ambient {
             for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color += (self.world.ambient * interaction.material.phong().kd).saturated(); // (5.33)
+                interaction.color += (self.world.ambient * interaction.material.classic.kd).saturated(); // (5.33)
             }
         }
         if self.world.may_emit() {
