@@ -267,7 +267,7 @@ impl Media {
 
     /// The boundary of a ray in the bodies of `set` whose line hits `surface` at `hit`. `set` becomes the set of bodies
     /// that the ray is certainly in.
-    pub(in crate::integrator) fn boundary<P: Probe>(
+    pub(in crate::integrator) fn boundary<P: Probe + ?Sized>(
         &mut self,
         world: &World,
         (line, ray): (&DRay, &Ray),
@@ -337,7 +337,7 @@ impl Media {
     }
 
     /// The boundary at a surface that nothing coincides with.
-    fn single_boundary<P: Probe>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
+    fn single_boundary<P: Probe + ?Sized>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
         if met.opaque {
             return Boundary::Plain;
         }
@@ -367,7 +367,13 @@ impl Media {
 
     /// The boundary of coinciding surfaces in the order in which the ray crosses them. `first` is the hit that the ray
     /// query returned.
-    fn coinciding_boundary<P: Probe>(&mut self, all: &[BoundaryHit], first: &Hit, set: u32, probe: &mut P) -> Boundary {
+    fn coinciding_boundary<P: Probe + ?Sized>(
+        &mut self,
+        all: &[BoundaryHit],
+        first: &Hit,
+        set: u32,
+        probe: &mut P,
+    ) -> Boundary {
         let opaque = all.iter().position(|met| met.opaque);
         let mut gap = set;
         for body in sides(all, false) {

@@ -101,7 +101,7 @@ impl Footprint {
 
 /// The colour of the environment, or of the background without one.
 #[inline]
-pub(in crate::integrator) fn background<P: Probe>(
+pub(in crate::integrator) fn background<P: Probe + ?Sized>(
     world: &World,
     direction: DVec3,
     differential: Option<&RayDifferential>,
@@ -117,7 +117,7 @@ pub(in crate::integrator) fn background<P: Probe>(
 /// are the bodies that the ray starts in. `first_crossing` is the coinciding surface at the ray's origin that comes
 /// before `found`.
 #[inline(never)]
-pub(in crate::integrator) fn visible_hit<P: Probe>(
+pub(in crate::integrator) fn visible_hit<P: Probe + ?Sized>(
     world: &World,
     media: &mut Media,
     (mut line, mut ray, mut found, differential): (DRay, Ray, Option<Hit>, Option<&RayDifferential>),
@@ -161,8 +161,8 @@ pub(in crate::integrator) fn visible_hit<P: Probe>(
         let material = world.material(&hit);
         // Only probes use these texture coordinates. Textures use those of the object.
         let mut surface = match known {
-            Some(surface) if !P::ACTIVE => surface,
-            _ if !P::ACTIVE => world.surface_without_uv(line, &hit),
+            Some(surface) if !probe.is_active() => surface,
+            _ if !probe.is_active() => world.surface_without_uv(line, &hit),
             _ => world.surface(line, &hit),
         };
         let (next, touches) = media.crossing(crossing).map_or((media::NONE, false), |c| (c.next, c.touches));

@@ -2,9 +2,11 @@
 
 mod aov;
 mod observer;
+mod placed_job;
 
 pub use aov::Aov;
 pub use observer::{Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
+pub use placed_job::PlacedJob;
 
 use crate::camera::Camera;
 use crate::scene::{Developing, FilmSettings, Filter, Guiding, Integrator, SamplerKind, Sampling, WhittedSettings};

@@ -96,7 +96,7 @@ impl<'a> PixelRenderer<'a> {
     /// Adds the samples of the pixel in column `x` and row `y` from the top left to `sum`, and returns the number of
     /// rays traced for it. A probe observes ray after ray. For adaptive sampling, the number includes the first samples
     /// at the pixel's own corner and centre.
-    pub(crate) fn pixel<'w, P: Probe>(
+    pub(crate) fn pixel<'w, P: Probe + ?Sized>(
         &mut self,
         integrator: &mut impl RayIntegrator<'w>,
         [x, y]: [u32; 2],
@@ -258,7 +258,7 @@ impl<'a> PixelRenderer<'a> {
 
     /// Adds the colours of a block of a pixel's samples to `colors`, and returns the number of rays traced. A probe
     /// observes ray after ray.
-    pub(crate) fn block_with_probe<'w, P: Probe>(
+    pub(crate) fn block_with_probe<'w, P: Probe + ?Sized>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         pixel: [u32; 2],
@@ -450,7 +450,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// Adds samples whose rays a probe observes, and returns the number of these rays.
-    fn trace_with_probe<'w, P: Probe>(
+    fn trace_with_probe<'w, P: Probe + ?Sized>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = CameraSample>,
@@ -464,7 +464,7 @@ impl<'a> PixelRenderer<'a> {
 
     /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. The samples have their
     /// [`spacing`]s with them. Returns the number of these rays.
-    fn trace_each<'w, P: Probe>(
+    fn trace_each<'w, P: Probe + ?Sized>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = (CameraSample, f64)>,

@@ -5,7 +5,10 @@ use super::{Hit, TextureRead};
 /// An observer of what the world evaluates for a ray. An integrator's probe is one, too.
 pub trait GeometryProbe {
     /// Whether the probe needs calls at all.
-    const ACTIVE: bool = true;
+    #[inline]
+    fn is_active(&self) -> bool {
+        true
+    }
     /// A texture was read at the hit that is evaluated.
     fn texture(&mut self, _read: &TextureRead) {}
     /// A surface blocks the light towards a point, in whole or in part. `opacity` is its o.
@@ -14,5 +17,8 @@ pub trait GeometryProbe {
 
 /// The empty probe.
 impl GeometryProbe for () {
-    const ACTIVE: bool = false;
+    #[inline]
+    fn is_active(&self) -> bool {
+        false
+    }
 }

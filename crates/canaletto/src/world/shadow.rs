@@ -103,7 +103,7 @@ impl World {
     /// f_s of (5.39a): the product of 1 − o over the surfaces between the ray's origin and `t_max`. `last` is the last
     /// occluder of the light, which often blocks the next ray too. `differential` is the ray's differential, for
     /// textures that let light through.
-    pub fn transmittance<P: GeometryProbe>(
+    pub fn transmittance<P: GeometryProbe + ?Sized>(
         &self,
         ray: &Ray,
         t_max: f32,
@@ -115,13 +115,13 @@ impl World {
         // An opaque occluder gives 0. Only a probe needs the order of the surfaces before it.
         match self.occlusion(ray, t_max, time, last) {
             Occlusion::Nothing => 1.0,
-            Occlusion::Opaque if !P::ACTIVE => 0.0,
+            Occlusion::Opaque if !probe.is_active() => 0.0,
             occlusion => self.transmittance_past(ray, t_max, time, differential, occlusion, probe),
         }
     }
 
     /// [`World::transmittance`] for a ray whose occlusion isn't [`Occlusion::Nothing`].
-    pub(crate) fn transmittance_past<P: GeometryProbe>(
+    pub(crate) fn transmittance_past<P: GeometryProbe + ?Sized>(
         &self,
         ray: &Ray,
         t_max: f32,
@@ -177,7 +177,7 @@ impl World {
     }
 
     /// Crosses a clear surface with a shadow ray. Returns whether the ray goes on.
-    fn cross<P: GeometryProbe>(
+    fn cross<P: GeometryProbe + ?Sized>(
         &self,
         crossing: &mut ShadowRay,
         ray: &mut Ray,

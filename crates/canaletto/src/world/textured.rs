@@ -71,7 +71,7 @@ impl World {
     /// The material at a hit: with its textures if it has any, which may bend the surface's shading normal. `material`
     /// is that of the hit, and `step` the footprint.
     #[inline]
-    pub(crate) fn material_point<P: GeometryProbe>(
+    pub(crate) fn material_point<P: GeometryProbe + ?Sized>(
         &self,
         material: &PreparedMaterial,
         (line, hit): (DRay, &Hit),
@@ -85,7 +85,7 @@ impl World {
     /// The material at a hit of this line's ray. Textures bend the shading normal of `surface`, and its uv becomes the
     /// object's. `step` holds the offsets along the surface to the neighbouring samples.
     #[inline(never)]
-    pub(crate) fn textured<P: GeometryProbe>(
+    pub(crate) fn textured<P: GeometryProbe + ?Sized>(
         &self,
         line: DRay,
         hit: &Hit,
@@ -97,7 +97,7 @@ impl World {
     }
 
     /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
-    pub(crate) fn textured_facet<P: GeometryProbe>(
+    pub(crate) fn textured_facet<P: GeometryProbe + ?Sized>(
         &self,
         line: DRay,
         (hit, facet): (&Hit, &MeshFacet),
@@ -108,7 +108,7 @@ impl World {
         self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe)
     }
 
-    fn textured_at<P: GeometryProbe>(
+    fn textured_at<P: GeometryProbe + ?Sized>(
         &self,
         local: &Local,
         hit: &Hit,
@@ -127,7 +127,7 @@ impl World {
             let coords = used.mapping.coords(&at.place);
             let (before, was) = (point, normal);
             let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
-            let room = if P::ACTIVE { &mut readings[..] } else { &mut [] };
+            let room = if probe.is_active() { &mut readings[..] } else { &mut [] };
             let value = at.value(pattern, used, &coords, room);
             match used.target {
                 Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
@@ -147,7 +147,7 @@ impl World {
                 normal = clamp_to_hemisphere(normal, local.surface.normal);
                 point.normal_bent = true;
             }
-            if P::ACTIVE {
+            if probe.is_active() {
                 let outwards = |n: DVec3| local.to_world.as_ref().map_or(n, |t| t.normal(n).normalize());
                 probe.texture(&TextureRead {
                     used,

@@ -59,7 +59,7 @@ impl PathTracer<'_> {
     }
 
     /// The source that the numbers choose at a surface. None if the surface sends none of its light back.
-    pub(super) fn sample_source<P: Probe>(
+    pub(super) fn sample_source<P: Probe + ?Sized>(
         &mut self,
         vertex: &Vertex,
         (to, choice): (&Receiver, &GroupChoice),

@@ -202,7 +202,7 @@ impl Step {
 
 impl PathTracer<'_> {
     /// The light along a camera ray by one path. The probe observes the camera ray alone.
-    pub(super) fn path<P: Probe>(
+    pub(super) fn path<P: Probe + ?Sized>(
         &mut self,
         line: DRay,
         differential: Option<RayDifferential>,
@@ -218,7 +218,7 @@ impl PathTracer<'_> {
     }
 
     /// Takes a path from a step to its end.
-    pub(super) fn follow<P: Probe>(&mut self, mut path: Path, mut step: Step, probe: &mut P) -> Rgb {
+    pub(super) fn follow<P: Probe + ?Sized>(&mut self, mut path: Path, mut step: Step, probe: &mut P) -> Rgb {
         loop {
             if let Some((shadow, throughput)) = &step.shadow {
                 let visible = self.visible(shadow);
@@ -274,7 +274,7 @@ impl PathTracer<'_> {
     }
 
     /// Takes a path to the first visible surface of its ray, and on from there. `found` is the ray's first hit.
-    pub(super) fn arrive<P: Probe>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Step {
+    pub(super) fn arrive<P: Probe + ?Sized>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Step {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
         let Some((met, is_first)) = self.meet(&path.segment, found, probe) else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
@@ -342,7 +342,7 @@ impl PathTracer<'_> {
 
     /// Takes a path through a medium to the end of its ray at a distance. If it is scattered before, returns the step
     /// from there.
-    fn pass_medium<P: Probe>(
+    fn pass_medium<P: Probe + ?Sized>(
         &mut self,
         path: &mut Path,
         medium: &Medium,
@@ -390,7 +390,7 @@ impl PathTracer<'_> {
     }
 
     /// Samples a source for a path, and sends it on in a random direction.
-    pub(super) fn scatter<P: Probe>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Step {
+    pub(super) fn scatter<P: Probe + ?Sized>(&mut self, path: &mut Path, vertex: &Vertex, probe: &mut P) -> Step {
         let (sample, place) = (path.sample, path.place);
         let numbers = sample.one_and_two(place.of(uses::LIGHT));
         let receiver = vertex.receiver();
@@ -411,7 +411,7 @@ impl PathTracer<'_> {
     ///
     /// # Errors
     /// The reason why it ends.
-    fn go_on<P: Probe>(
+    fn go_on<P: Probe + ?Sized>(
         &mut self,
         path: &mut Path,
         vertex: &Vertex,
@@ -471,7 +471,12 @@ impl PathTracer<'_> {
     }
 
     /// The first visible surface of a ray whose first hit is `found`, and whether it is that hit.
-    fn meet<P: Probe>(&mut self, segment: &Segment, found: Option<Hit>, probe: &mut P) -> Option<(VisibleHit, bool)> {
+    fn meet<P: Probe + ?Sized>(
+        &mut self,
+        segment: &Segment,
+        found: Option<Hit>,
+        probe: &mut P,
+    ) -> Option<(VisibleHit, bool)> {
         let arriving = (segment.line, segment.ray, found, segment.differential.as_ref());
         let visible = visible_hit(self.world, &mut self.media, arriving, segment.inside, self.time, probe);
         let count = self.count(segment.kind);
@@ -501,7 +506,7 @@ impl PathTracer<'_> {
 
     /// The light of the environment or the background along a ray that hits nothing, with its weight. `is_direct` tells
     /// that a shadow ray would have passed, too.
-    fn environment<P: Probe>(&self, segment: &Segment, is_direct: bool, probe: &mut P) -> Rgb {
+    fn environment<P: Probe + ?Sized>(&self, segment: &Segment, is_direct: bool, probe: &mut P) -> Rgb {
         let Some(environment) = &self.world.environment else {
             let radiance = self.world.background;
             return found(PathEmitter::Background, radiance, None, probe);
@@ -534,7 +539,7 @@ impl PathTracer<'_> {
 
     /// The light that a surface emits towards the ray that hits it, with its weight. `is_direct` tells that a shadow
     /// ray would have found it, too.
-    fn emitted<P: Probe>(
+    fn emitted<P: Probe + ?Sized>(
         &self,
         segment: &Segment,
         hit: &Hit,
@@ -563,7 +568,7 @@ impl PathTracer<'_> {
     }
 
     /// Leaves a path one channel of three at a body that refracts them by different angles.
-    fn disperse<P: Probe>(&self, path: &mut Path, met: &VisibleHit, probe: &mut P) {
+    fn disperse<P: Probe + ?Sized>(&self, path: &mut Path, met: &VisibleHit, probe: &mut P) {
         if path.channel.is_none() && self.world.material(&met.hit).is_dispersive() {
             // Each as often as the throughput has it, so that those that are left out take little light with them.
             let shares = path.throughput.to_array().map(f64::from);
@@ -640,19 +645,26 @@ impl PathTracer<'_> {
 }
 
 /// Light that a path finds, with its weight.
-fn found<P: Probe>(emitter: PathEmitter, radiance: Rgb, densities: Option<PathDensities>, probe: &mut P) -> Rgb {
+fn found<P: Probe + ?Sized>(
+    emitter: PathEmitter,
+    radiance: Rgb,
+    densities: Option<PathDensities>,
+    probe: &mut P,
+) -> Rgb {
     probe.path(PathEvent::Found { emitter, radiance, densities });
     densities.map_or(radiance, |densities| radiance * densities.weight_of_scattering())
 }
 
 /// A probe of a path's rays beyond the first one: it observes the path alone.
-struct BeyondEye<'p, P>(&'p mut P);
+struct BeyondEye<'p, P: ?Sized>(&'p mut P);
 
-impl<P: Probe> GeometryProbe for BeyondEye<'_, P> {
-    const ACTIVE: bool = false;
+impl<P: Probe + ?Sized> GeometryProbe for BeyondEye<'_, P> {
+    fn is_active(&self) -> bool {
+        false
+    }
 }
 
-impl<P: Probe> Probe for BeyondEye<'_, P> {
+impl<P: Probe + ?Sized> Probe for BeyondEye<'_, P> {
     fn path(&mut self, event: PathEvent) {
         self.0.path(event);
     }

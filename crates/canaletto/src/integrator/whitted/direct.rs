@@ -29,7 +29,13 @@ pub(super) fn contribution([diffuse, specular]: [f32; 2], f_s: f32) -> f32 {
 
 impl<'w> Whitted<'w> {
     /// The light of one light point at an interaction, after shadows.
-    pub(super) fn light<P: Probe>(&mut self, at: &SurfaceInteraction, light: u32, point: u32, probe: &mut P) -> Rgb {
+    pub(super) fn light<P: Probe + ?Sized>(
+        &mut self,
+        at: &SurfaceInteraction,
+        light: u32,
+        point: u32,
+        probe: &mut P,
+    ) -> Rgb {
         self.poll(1);
         if self.is_cancelled {
             return Rgb::BLACK;
@@ -83,7 +89,13 @@ impl<'w> Whitted<'w> {
     }
 
     /// f_s, the share of the light that passes the surfaces between a light's point and the interaction.
-    fn shadow<P: Probe>(&mut self, at: &SurfaceInteraction, light: u32, arriving: &Illumination, probe: &mut P) -> f32 {
+    fn shadow<P: Probe + ?Sized>(
+        &mut self,
+        at: &SurfaceInteraction,
+        light: u32,
+        arriving: &Illumination,
+        probe: &mut P,
+    ) -> f32 {
         if !self.casts_shadows(light) {
             return 1.0;
         }

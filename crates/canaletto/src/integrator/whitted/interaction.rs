@@ -45,7 +45,7 @@ impl<'a> SurfaceInteraction<'a> {
 
 impl Whitted<'_> {
     /// The first surface that a ray sees.
-    pub(super) fn intersect<P: Probe>(&mut self, ray: &RayState, probe: &mut P) -> Option<VisibleHit> {
+    pub(super) fn intersect<P: Probe + ?Sized>(&mut self, ray: &RayState, probe: &mut P) -> Option<VisibleHit> {
         let found = self.world.intersect_at(&ray.ray, f32::INFINITY, self.time);
         let PathState { kind, inside, first_crossing, .. } = ray.path_state;
         let arriving = (ray.line, ray.ray, found, ray.differential.as_ref());
@@ -58,7 +58,7 @@ impl Whitted<'_> {
     }
 
     /// The colour of a ray that hits nothing.
-    pub(super) fn background<P: Probe>(&self, ray: &RayState, probe: &mut P) -> Rgb {
+    pub(super) fn background<P: Probe + ?Sized>(&self, ray: &RayState, probe: &mut P) -> Rgb {
         if self.hides_background && ray.path_state.is_straight {
             return Rgb::BLACK;
         }

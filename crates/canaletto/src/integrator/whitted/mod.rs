@@ -190,7 +190,7 @@ impl<'w> Whitted<'w> {
 
     /// The colour along a camera ray. `differential` is the ray differential to the neighbouring samples; it is needed
     /// if [`World::needs_differentials`] returns true.
-    pub fn eye<P: Probe>(
+    pub fn eye<P: Probe + ?Sized>(
         &mut self,
         line: impl Into<DRay>,
         differential: Option<&RayDifferential>,

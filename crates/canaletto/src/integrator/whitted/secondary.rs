@@ -15,7 +15,11 @@ const MAX_PASSED: u32 = 64;
 
 impl Whitted<'_> {
     /// The ray from a mirror in the mirrored direction, unless the tree ends here.
-    pub(super) fn reflected_ray<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
+    pub(super) fn reflected_ray<P: Probe + ?Sized>(
+        &mut self,
+        at: &SurfaceInteraction,
+        probe: &mut P,
+    ) -> Option<RayState> {
         let phong = &at.material.classic;
         let path_state = self.child(at.parent(), RayKind::Reflected, phong.k, probe)?;
         let first_crossing = self.media.crossing(at.crossing).map_or(NONE, |c| c.back);
@@ -31,7 +35,11 @@ impl Whitted<'_> {
     }
 
     /// The ray into or out of a clear body, or the ray mirrored inside it, unless the tree ends here.
-    pub(super) fn refracted_ray<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
+    pub(super) fn refracted_ray<P: Probe + ?Sized>(
+        &mut self,
+        at: &SurfaceInteraction,
+        probe: &mut P,
+    ) -> Option<RayState> {
         let (phong, frame) = (&at.material.classic, &at.frame);
         let Crossing { refraction, beyond, next, back, .. } = match at.crossing {
             SIMPLE => self.media.simple(self.world, at.hit, frame.outside, at.inside),
@@ -75,7 +83,7 @@ impl Whitted<'_> {
     }
 
     /// The ray straight on through a surface of partial coverage, unless the tree ends here.
-    pub(super) fn passed_ray<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
+    pub(super) fn passed_ray<P: Probe + ?Sized>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Option<RayState> {
         let attenuation = Rgb::gray(1.0 - at.material.coverage);
         let parent = at.parent();
         if parent.passed_surfaces == MAX_PASSED {
@@ -103,7 +111,7 @@ impl Whitted<'_> {
     }
 
     /// The path state of a child ray, unless depth or weight ends the tree here.
-    fn child<P: Probe>(
+    fn child<P: Probe + ?Sized>(
         &mut self,
         parent: PathState,
         kind: RayKind,

@@ -10,7 +10,7 @@ use crate::scene::Stage;
 
 impl Whitted<'_> {
     /// `trace`: the colour along a ray.
-    pub(super) fn trace<P: Probe>(&mut self, ray: &RayState, probe: &mut P) -> Rgb {
+    pub(super) fn trace<P: Probe + ?Sized>(&mut self, ray: &RayState, probe: &mut P) -> Rgb {
         probe.ray(ray.path_state.kind, &ray.ray, ray.path_state.depth, ray.path_state.attenuation);
         let Some(visible_hit) = self.intersect(ray, probe) else {
             let background = self.background(ray, probe);
@@ -31,7 +31,7 @@ impl Whitted<'_> {
     }
 
     /// [`Whitted::shade`] under the material's overlay.
-    pub(super) fn shade_under_overlay<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
+    pub(super) fn shade_under_overlay<P: Probe + ?Sized>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
         let color = self.shade(at, probe);
         let (overlay, share) = at.material.overlay;
         if share > 0.0 {
@@ -41,7 +41,7 @@ impl Whitted<'_> {
     }
 
     /// `shade`: (5.39b), up to the stage of the settings. Under an opaque overlay nothing of it is visible.
-    fn shade<P: Probe>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
+    fn shade<P: Probe + ?Sized>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
         let (stage, phong, mut color) = (self.settings.stage, &at.material.classic, Rgb::BLACK);
         if !at.material.is_seen() || self.is_cancelled {
             return color;
@@ -79,7 +79,7 @@ impl Whitted<'_> {
     }
 
     /// The light along a child ray, times the ray's factor; black if the tree ends at this surface.
-    fn follow<P: Probe>(
+    fn follow<P: Probe + ?Sized>(
         &mut self,
         at: &SurfaceInteraction,
         child: impl Fn(&mut Self, &SurfaceInteraction, &mut P) -> Option<RayState>,

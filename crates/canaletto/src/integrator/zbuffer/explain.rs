@@ -116,7 +116,7 @@ impl<'a> ZbufferExplainer<'a> {
 
     /// Renders a pixel of the job's window for a probe, one sample for each shaded fragment. Returns what each sample
     /// shows; what is hidden is listed if `with_rivals`. The colours are added to `sum`. Breaks if cancelled.
-    pub(crate) fn pixel<P: Probe>(
+    pub(crate) fn pixel<P: Probe + ?Sized>(
         &mut self,
         pixel: [u32; 2],
         with_rivals: bool,

@@ -129,7 +129,9 @@ impl Open {
 }
 
 impl GeometryProbe for GuidingRecorder {
-    const ACTIVE: bool = false;
+    fn is_active(&self) -> bool {
+        false
+    }
 }
 
 impl Probe for GuidingRecorder {

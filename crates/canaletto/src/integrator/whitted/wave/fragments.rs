@@ -47,7 +47,7 @@ impl<'w> Whitted<'w> {
     }
 
     /// The colour of one fragment, for a probe that observes it as the hit of a camera ray.
-    pub(crate) fn shade_fragment<P: Probe>(&mut self, fragment: &Fragment, probe: &mut P) -> Rgb {
+    pub(crate) fn shade_fragment<P: Probe + ?Sized>(&mut self, fragment: &Fragment, probe: &mut P) -> Rgb {
         let Fragment { line, hit, differential, sample, .. } = fragment;
         let ray = RayState {
             ray: line.rounded(),
@@ -73,7 +73,11 @@ impl<'w> Whitted<'w> {
     }
 
     /// The surface and the material of a fragment.
-    fn evaluate<P: Probe>(&self, fragment: &Fragment, probe: &mut P) -> (Surface, MaterialPoint, Option<Footprint>) {
+    fn evaluate<P: Probe + ?Sized>(
+        &self,
+        fragment: &Fragment,
+        probe: &mut P,
+    ) -> (Surface, MaterialPoint, Option<Footprint>) {
         let Fragment { line, hit, facet, is_flat, differential, .. } = fragment;
         let (world, material) = (self.world, self.world.material(hit));
         let mut surface = match facet {

@@ -133,7 +133,7 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         Whitted::begin(self, sample, time);
     }
 
-    fn eye<P: Probe>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
+    fn eye<P: Probe + ?Sized>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
         Whitted::eye(self, line, differential, probe)
     }
 
