@@ -3,9 +3,10 @@
 use canaletto::Named;
 use canaletto::Ray;
 use canaletto::explain::explain;
+use canaletto::integrator::layers_of;
 use canaletto::math::Rgb;
-use canaletto::render::{Aov, render};
-use canaletto::scene::{Filter, SamplerKind, Sampling, Stage};
+use canaletto::render::render;
+use canaletto::scene::{Filter, SamplerKind, Sampling, Stage, WhittedSettings};
 use canaletto::world::World;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life, still_life, still_life_job};
 use canaletto_tests::textured::textured_still_life;
@@ -55,7 +56,7 @@ fn sums_are_pixels(world: &World) {
         for &stage in Stage::ALL {
             let mut job = still_life_job(1.0, 24, 18, sampling);
             job.film.filter = filter;
-            job.integrator.whitted_mut().unwrap().stage = stage;
+            job.integrator = WhittedSettings { stage, ..*job.description().whitted().unwrap() }.into();
             let picture = render(world, &job, &()).unwrap().picture;
             for y in 0..18 {
                 for x in 0..24 {
@@ -111,7 +112,7 @@ fn the_light_layers_sum_to_the_picture() {
 
 fn layers_sum(world: &World) {
     let mut job = still_life_job(1.0, 32, 24, Sampling::Jittered(2));
-    job.aovs = Aov::made_by(&job.integrator);
+    job.aovs = layers_of(&job.integrator, false);
     let with = render(world, &job, &()).unwrap().picture;
     job.aovs.clear();
     let without = render(world, &job, &()).unwrap().picture;

@@ -6,7 +6,7 @@ use canaletto::film::Picture;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
-use canaletto::render::{Aov, Job, render};
+use canaletto::render::{Aov, Job, Preparation, Session, render};
 use canaletto::scene::{Content, Guiding, Node, PathSettings, SamplerKind, Sampling, Scene};
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Parallelogram, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
@@ -300,11 +300,10 @@ fn paths_are_alike_alone_and_together(scene: &Scene, settings: &[(SamplerKind, (
             render(&world, &job, &()).unwrap().picture
         });
         let pictures: Vec<Picture> = pictures.collect();
-        let explainer = Explainer::new(&world, &job);
+        let session = Session::open(&world, &job, Preparation::default()).unwrap();
+        let explainer = Explainer::new(&session);
         let (width, height) = (pictures[0].width, pictures[0].height);
-        // Each explanation of a guided path learns anew.
-        let step = if guiding == Guiding::On { 293 } else { 23 };
-        for (x, y) in (0..width * height).step_by(step).map(|pixel| (pixel % width, pixel / width)) {
+        for (x, y) in (0..width * height).step_by(23).map(|pixel| (pixel % width, pixel / width)) {
             let alone = explainer.paths(x, y).unwrap().color.to_array().map(f32::to_bits);
             for picture in &pictures {
                 let together = picture.pixel(x, y).to_array().map(f32::to_bits);
@@ -330,7 +329,8 @@ fn long_paths_are_alike_alone_and_together() {
     let rendered = render(&world, &job, &()).unwrap();
     // Two rays for each of several hundred scatterings.
     assert!(rendered.counts.rays.total() > 72 * 2 * 512, "{}", rendered.counts.rays.total());
-    let explainer = Explainer::new(&world, &job);
+    let session = Session::open(&world, &job, Preparation::default()).unwrap();
+    let explainer = Explainer::new(&session);
     for (x, y) in (0..6).flat_map(|y| (0..6).map(move |x| (x, y))) {
         let alone = explainer.paths(x, y).unwrap().color.to_array().map(f32::to_bits);
         assert_eq!(alone, rendered.picture.pixel(x, y).to_array().map(f32::to_bits), "{x} {y}");

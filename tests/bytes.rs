@@ -5,7 +5,7 @@ use canaletto::InstructionSet;
 use canaletto::camera::Camera;
 use canaletto::explain::Explainer;
 use canaletto::film::BlockMean;
-use canaletto::render::{Job, Rendering, render};
+use canaletto::render::{Job, Preparation, Rendering, Session, render};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
@@ -207,6 +207,7 @@ fn samples_without_a_number_can_be_made_again() {
     let statistics = whole.statistics.unwrap();
     assert!(statistics.non_finite > 0 && statistics.non_finite < 8 * 144, "{statistics:?}");
     assert!(whole.picture.pixels.iter().all(|color| color.is_finite()));
+    let session = Session::open(&world, &job(&scene, [0, 8]), Preparation::default()).unwrap();
     for place in &statistics.non_finite_samples {
         let mut alone = job(&scene, [place.sample, 1]);
         alone.film.crop = Some([place.x, place.y, 1, 1]);
@@ -214,7 +215,7 @@ fn samples_without_a_number_can_be_made_again() {
         alone.film.sampling = Sampling::Sampled(2);
         let again = render(&world, &alone, &()).unwrap().statistics.unwrap();
         assert!(again.non_finite_samples.contains(place), "{place:?}: {again:?}");
-        let paths = Explainer::new(&world, &job(&scene, [0, 8])).paths(place.x, place.y).unwrap();
+        let paths = Explainer::new(&session).paths(place.x, place.y).unwrap();
         assert_eq!(paths.color, whole.picture.pixel(place.x, place.y));
     }
 }

@@ -4,6 +4,7 @@ use canaletto::Ray;
 use canaletto::camera::Camera;
 use canaletto::film::Picture;
 use canaletto::integrator::Whitted;
+use canaletto::integrator::describe;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Material, Phong, reflect, refract};
 use canaletto::math::Rgb;
@@ -286,7 +287,7 @@ fn one_object(shape: Shape, phong: Phong, light: Light) -> Scene {
 }
 
 fn trace(scene: Scene, stage: Stage, ray: Ray) -> Rgb {
-    let settings = WhittedSettings { stage, ..*scene.integrator.whitted().unwrap() };
+    let settings = WhittedSettings { stage, ..*describe(&scene.integrator).whitted().unwrap() };
     let world = World::build(scene).unwrap();
     Whitted::new(&world, settings).eye(&ray, None, &mut ())
 }

@@ -2,7 +2,8 @@
 //! length.
 
 use canaletto::Named;
-use canaletto::render::{Aov, render};
+use canaletto::integrator::layers_of;
+use canaletto::render::render;
 use canaletto::scene::{Content, Node, SamplerKind, Sampling, Scene};
 use canaletto::shape::Mesh;
 use canaletto::world::{BuildOptions, Quality, World};
@@ -34,7 +35,7 @@ fn threads_and_tiles(scene: fn(f32) -> Scene) {
                 for tile in [1, 5, 16, 64] {
                     let mut job = still_life_job(1.0, 60, 45, sampling);
                     job.tile = tile;
-                    job.aovs = Aov::made_by(&job.integrator);
+                    job.aovs = layers_of(&job.integrator, false);
                     let rendering = render(&world, &job, &()).unwrap();
                     assert!(rendering.complete);
                     pictures.push((format!("{sampling:?}, {threads} threads, tile {tile}"), rendering));
@@ -86,7 +87,7 @@ fn work_on_hierarchies_changes_no_bit() {
     }
     for sampling in [Sampling::Center, Sampling::Jittered(2)] {
         let mut job = still_life_job(1.0, 120, 90, sampling);
-        job.aovs = Aov::made_by(&job.integrator);
+        job.aovs = layers_of(&job.integrator, false);
         let [a, b] = worlds.each_ref().map(|world| render(world, &job, &()).unwrap());
         assert_same_picture(&a.picture, &b.picture, "two qualities of trees");
         assert_eq!(a.counts, b.counts);

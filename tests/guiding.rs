@@ -5,7 +5,7 @@ use canaletto::camera::Camera;
 use canaletto::explain::Explainer;
 use canaletto::film::BlockMean;
 use canaletto::math::Rgb;
-use canaletto::render::{Job, Rendering, render};
+use canaletto::render::{Job, Preparation, Rendering, Session, render};
 use canaletto::scene::{Guiding, PathSettings, Sampling, Scene};
 use canaletto::world::World;
 use canaletto_io::assets::FolderAssets;
@@ -116,7 +116,8 @@ fn bytes_depend_on_the_scene_alone() {
     }
     let lit = reference.picture.pixels.iter().position(|pixel| *pixel != Rgb::BLACK).unwrap() as u32;
     let [x, y] = [lit % reference.picture.width, lit / reference.picture.width];
-    let tree = Explainer::new(&world, &whole).paths(x, y).unwrap();
+    let session = Session::open(&world, &whole, Preparation::default()).unwrap();
+    let tree = Explainer::new(&session).paths(x, y).unwrap();
     assert_eq!(tree.color, reference.picture.pixel(x, y));
     assert_eq!(tree.sum(), tree.color);
 }

@@ -3,8 +3,9 @@
 
 use canaletto::camera::Camera;
 use canaletto::explain::{ExplainError, explain};
-use canaletto::render::{Aov, Job, JobError, Observer, Progress, render};
-use canaletto::scene::{Scene, WhittedSettings};
+use canaletto::integrator::layers_of;
+use canaletto::render::{Job, JobError, Observer, Progress, render};
+use canaletto::scene::{Integrator, Scene, WhittedSettings};
 use canaletto::world::{BuildError, World};
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::text::read_scene_text;
@@ -80,11 +81,15 @@ fn transforms_beyond_numbers_are_told() {
 const MIRRORS: &str = "material \"m\" { k 1 1 1; kd 0 0 0 }\n\
     box material=\"m\" { min -1e6 -1e6 6; max 1e6 1e6 7 }\nbox material=\"m\" { min -1e6 -1e6 -7; max 1e6 1e6 -6 }\n";
 
+fn with_depth(job: &Job, max_depth: u32) -> Integrator {
+    WhittedSettings { max_depth, ..*job.description().whitted().unwrap() }.into()
+}
+
 /// The deepest tree runs on a thread with the system's default stack. A debug build has the largest frames.
 #[test]
 fn facing_mirrors_do_not_overflow_the_stack() {
     let (world, mut job) = job(MIRRORS);
-    job.integrator.whitted_mut().unwrap().max_depth = WhittedSettings::MAX_DEPTH;
+    job.integrator = with_depth(&job, WhittedSettings::MAX_DEPTH);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(2 << 20).build().expect("a thread");
     let rendering = pool.install(|| render(&world, &job, &())).expect("a picture");
     assert!(rendering.complete && rendering.counts.rays.reflected.traced > 12 * 8 * 200);
@@ -92,7 +97,7 @@ fn facing_mirrors_do_not_overflow_the_stack() {
     assert_eq!(pool.install(|| tree.sum()), tree.color);
     pool.install(move || drop(tree));
     for depth in [0, WhittedSettings::MAX_DEPTH + 1, u32::MAX] {
-        job.integrator.whitted_mut().unwrap().max_depth = depth;
+        job.integrator = with_depth(&job, depth);
         assert_eq!(render(&world, &job, &()).unwrap_err(), JobError::Depth(depth));
     }
 }
@@ -186,7 +191,7 @@ fn small_stacks_do_not_overflow() {
     let scene = scene(&text);
     let camera = Camera::new(&scene.views[0].intrinsics, &scene.views[0].extrinsics).expect("a camera");
     let mut job = Job::new(camera, scene.film, scene.integrator);
-    job.integrator.whitted_mut().unwrap().max_depth = WhittedSettings::MAX_DEPTH;
+    job.integrator = with_depth(&job, WhittedSettings::MAX_DEPTH);
     let work = || {
         let world = World::build(scene.clone()).expect("a world");
         let picture = render(&world, &job, &()).expect("a picture");
@@ -240,7 +245,7 @@ fn no_pixel_is_ever_infinite_or_nan() {
     ];
     for text in &scenes {
         let (world, mut job) = job(text);
-        job.aovs = Aov::made_by(&job.integrator);
+        job.aovs = layers_of(&job.integrator, false);
         let picture = render(&world, &job, &()).expect("a picture").picture;
         assert!(picture.pixels.iter().all(|c| c.is_finite()), "{text}");
         for layer in &picture.layers {

@@ -3,6 +3,7 @@
 use canaletto::Named;
 use canaletto::camera::Camera;
 use canaletto::film::develop;
+use canaletto::integrator::describe;
 use canaletto::material::{PRESETS, Preset, StandardBlock, StandardParameter, StandardSurface};
 use canaletto::render::{Job, render};
 use canaletto::scene::Sampling;
@@ -115,7 +116,7 @@ fn the_pictures_of_presets_are_what_paths_see() {
         let camera = Camera::of(&scene.views[0]).unwrap();
         let job = Job::new(camera, scene.film, scene.integrator);
         let picture = render(&World::build(scene.clone()).unwrap(), &job, &()).unwrap().picture;
-        let developed = develop(&picture, &scene.film.developing(&scene.integrator));
+        let developed = develop(&picture, &scene.film.developing(describe(&scene.integrator).is_photographic()));
         let image = Image::from_rgb(picture.width, picture.height, developed.iter().map(|c| c.to_array()));
         let bytes =
             PictureFormat::Png.encode_image(&image, scene.film.transfer, &EncodeSettings::default(), &[]).unwrap();

@@ -2,6 +2,7 @@
 //! shares only the description of a scene with the library. It supports spheres, boxes and omni lights, and serves as
 //! reference for the classic integrator.
 
+use canaletto::integrator::describe;
 use canaletto::light::LightKind;
 use canaletto::material::Phong;
 use canaletto::scene::{Content, Node, Scene, Stage};
@@ -85,7 +86,7 @@ impl<'a> Reference<'a> {
         let (p, v) = (o + d * hit.t, -d);
         let m = &self.objects[hit.object].1;
         let kd = rgb(m.kd);
-        let settings = self.scene.integrator.whitted().unwrap();
+        let settings = describe(&self.scene.integrator).whitted().unwrap();
         let stage = settings.stage;
         if stage == Stage::Unlit {
             return kd;

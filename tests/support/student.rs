@@ -2,6 +2,7 @@
 //! only the description of a scene with the library, so that the grader's own hypotheses are not its measure. It
 //! supports spheres, boxes, planes, triangles, omni and directional lights.
 
+use canaletto::integrator::describe;
 use canaletto::light::LightKind;
 use canaletto::material::Phong;
 use canaletto::scene::{Content, Node, Sampling, Scene, Stage, Transfer};
@@ -403,8 +404,8 @@ impl<'a> StudentTracer<'a> {
         let mut sum = own;
         let deepest = match self.planted {
             Some(Planted::DepthTwo) => 2,
-            Some(Planted::DepthOneLess) => self.scene.integrator.max_depth() - 1,
-            _ => self.scene.integrator.max_depth(),
+            Some(Planted::DepthOneLess) => describe(&self.scene.integrator).max_depth() - 1,
+            _ => describe(&self.scene.integrator).max_depth(),
         };
         if depth >= deepest {
             return sum;

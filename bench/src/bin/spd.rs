@@ -11,6 +11,7 @@
 
 use canaletto::camera::{Camera, CameraError};
 use canaletto::integrator::RayCounts;
+use canaletto::integrator::describe;
 use canaletto::math::Rgb;
 use canaletto::render::{Job, render};
 use canaletto::scene::{FilmSettings, Intrinsics, Sampling, View, WhittedSettings};
@@ -83,7 +84,10 @@ fn count(path: &Path) -> Result<RayCounts, String> {
     let job = Job::new(
         camera,
         film,
-        WhittedSettings { max_depth: 5, ..*scene.integrator.whitted().unwrap_or(&WhittedSettings::default()) },
+        WhittedSettings {
+            max_depth: 5,
+            ..*describe(&scene.integrator).whitted().unwrap_or(&WhittedSettings::default())
+        },
     );
     let world = World::build(scene).map_err(|e| e.to_string())?;
     Ok(render(&world, &job, &()).map_err(|e| e.to_string())?.counts.rays)

@@ -15,6 +15,7 @@ use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use canaletto::integrator::describe;
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
 use glam::Vec3;
@@ -113,7 +114,7 @@ impl Display for Told {
 /// Writes the scene, with long data in files beside it.
 pub(super) fn write_scene(plain: &Plain<'_>, [width, height]: [u32; 2], path: &Path) -> Result<(), String> {
     let Plain { scene, view, .. } = plain;
-    let depth = scene.integrator.max_depth();
+    let depth = describe(&scene.integrator).max_depth();
     let [eye, center, up] = [view.extrinsics.eye, view.extrinsics.center, view.extrinsics.up];
     let far = (center - eye).length();
     let mut out = String::from("<scene version=\"3.0.0\">\n");

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
+use canaletto::integrator::describe;
 use canaletto::math::Rgb;
 use glam::{DVec3, Vec3};
 
@@ -36,7 +37,7 @@ pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
     let [x, y, z] = camera.axes();
     let aspect = f64::from(width) / f64::from(height);
     let mut out = String::new();
-    let depth = scene.integrator.max_depth();
+    let depth = describe(&scene.integrator).max_depth();
     let _ = writeln!(out, "#version 3.7;");
     let _ = writeln!(out, "global_settings {{ assumed_gamma 1.0 max_trace_level {depth} adc_bailout 0 }}");
     let _ = writeln!(out, "background {{ {} }}", color(scene.background));

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use canaletto::film::srgb_encode;
+use canaletto::integrator::describe;
 use canaletto::material::Phong;
 use canaletto::math::Rgb;
 use canaletto::scene::{Scene as Description, Transfer};
@@ -60,7 +61,7 @@ pub fn render(scene: &Description, [width, height]: [u32; 2], threads: usize, ou
         lights,
         background: scene.background,
         ambient: scene.ambient,
-        depth: scene.integrator.max_depth(),
+        depth: describe(&scene.integrator).max_depth(),
         offset: 1e-4 * (extrinsics.eye - extrinsics.center).length() as f32,
     };
     let pool = super::trace::pool(threads)?;

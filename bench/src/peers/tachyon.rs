@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
+use canaletto::integrator::describe;
 use canaletto::material::Phong;
 use glam::{DVec3, Vec3};
 
@@ -29,7 +30,7 @@ pub(super) fn scene(plain: &Plain<'_>, [width, height]: [u32; 2]) -> String {
     let [_, y, z] = camera.axes();
     let mut out = String::new();
     let _ = writeln!(out, "BEGIN_SCENE\nRESOLUTION {width} {height}\nCAMERA\nPROJECTION PERSPECTIVE\nZOOM {zoom}");
-    let _ = writeln!(out, "ASPECTRATIO 1\nANTIALIASING 0\nRAYDEPTH {}", scene.integrator.max_depth());
+    let _ = writeln!(out, "ASPECTRATIO 1\nANTIALIASING 0\nRAYDEPTH {}", describe(&scene.integrator).max_depth());
     let _ = writeln!(out, "CENTER {}\nVIEWDIR {}\nUPDIR {}\nEND_CAMERA", point(camera.eye()), point(-z), point(y));
     let _ = writeln!(out, "BACKGROUND {}", joined(scene.background.to_array(), " "));
     for (index, material) in scene.materials.iter().enumerate() {

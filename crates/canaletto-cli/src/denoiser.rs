@@ -9,7 +9,6 @@ use canaletto::denoise::{DenoiseQuality, DenoisedPicture, FilledPixels, NoisyPic
 use canaletto::film::Picture;
 use canaletto::math::Rgb;
 use canaletto::render::{Aov, Job};
-use canaletto::scene::Integrator;
 use canaletto_io::diagnostic::word_list;
 use canaletto_io::picture::Image;
 use canaletto_oidn::{Oidn, OidnPicture};
@@ -123,21 +122,16 @@ fn by_oidn(picture: &NoisyPicture) -> Result<DenoisedPicture, Failure> {
 const HALVES: [&str; 2] = ["half-a", "half-b"];
 
 /// The layers that denoisers read besides the colours, as far as this integrator makes them.
-fn layers(integrator: &Integrator) -> impl Iterator<Item = Aov> {
+fn layers(job: &Job) -> impl Iterator<Item = Aov> {
     let halves = HALVES.iter().filter_map(|name| Aov::from_name(name));
     let features = [Aov::DenoisingAlbedo, Aov::DenoisingNormal, Aov::DenoisingDepth];
-    halves.chain(features).filter(|aov| aov.is_made_by(integrator))
+    halves.chain(features).filter(|aov| job.description().makes(*aov, job.progressive))
 }
 
 /// The job with the layers that denoisers read.
 pub(crate) fn with_layers(job: &Job) -> Job {
-    let mut job = job.clone();
-    for aov in layers(&job.integrator) {
-        if !job.aovs.contains(&aov) {
-            job.aovs.push(aov);
-        }
-    }
-    job
+    let more = layers(job).filter(|aov| !job.aovs.contains(aov));
+    Job { aovs: job.aovs.iter().copied().chain(more).collect(), ..job.clone() }
 }
 
 /// Takes away the light that denoising spreads to where nothing is, by alpha. Without alpha nothing changes.

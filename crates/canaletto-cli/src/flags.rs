@@ -164,6 +164,13 @@ pub(crate) struct PictureFlags {
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
+    /// Makes the picture grow by passes of samples, which --samples counts: it can be stopped, gone on with and added up
+    ///
+    /// --time, --noise, --clamp, --continue and --first-sample imply it, and pictures by paths always grow. The rays of a
+    /// growing picture don't depend on how many there will be, so it has a little more noise.
+    #[arg(long, help_heading = "Sampling")]
+    pub progressive: bool,
+
     /// Selects the integrator: how the picture is made [default: the scene's, or whitted]
     ///
     /// The settings are the scene's if it names the same integrator, else the integrator's defaults. --set changes

@@ -152,7 +152,7 @@ mod tests {
         let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
         let mut job =
             canaletto::render::Job::new(camera, FilmSettings::default(), canaletto::scene::Integrator::default());
-        job.aovs = Aov::made_by(&job.integrator);
+        job.aovs = canaletto::integrator::layers_of(&job.integrator, false);
         let picture = canaletto::render::render(&world, &job, &()).unwrap().picture;
         let names: Vec<String> =
             Image::from_picture(&picture).channels.into_iter().map(|channel| channel.name).collect();

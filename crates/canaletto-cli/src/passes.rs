@@ -10,10 +10,10 @@ use crate::noise_outlook::Outlook;
 use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
-use crate::settings::ALPHA;
+use crate::settings::{ALPHA, PROGRESSIVE, not_progressive};
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
-use canaletto::scene::{Integrator, SamplerKind, Sampling};
+use canaletto::scene::{SamplerKind, Sampling};
 use canaletto::world::World;
 use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 /// Flags about passes of samples.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct PassFlags {
-    /// Renders a picture by paths for about this time: as many passes of samples as fit, at least one
+    /// Renders a growing picture for about this time: as many passes of samples as fit, at least one
     ///
     /// The time is one of rendering, such as 60s, 5min or 1h30min. Reading, building and writing come on top. --samples
     /// is then the most that a pixel gets; without it there is no other end. The number of samples depends on the
@@ -35,7 +35,7 @@ pub(crate) struct PassFlags {
     #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Sampling")]
     pub time: Option<Duration>,
 
-    /// Renders a picture by paths until its noise is below this, such as 0.02: pixels get as many samples as they need
+    /// Renders a growing picture until its noise is below this, such as 0.02: pixels get as many samples as they need
     ///
     /// The noise is the relative error of a block of 8 x 8 pixels: the root of the mean square error, divided by the
     /// block's brightness. In blocks darker than a tenth of the picture's middle one that tenth counts. It is estimated
@@ -52,7 +52,7 @@ pub(crate) struct PassFlags {
     #[arg(long, allow_hyphen_values = true, value_name = "VALUE", value_parser = positive, help_heading = "Sampling")]
     pub clamp: Option<f32>,
 
-    /// Goes on with the samples of a picture by paths, an EXR of 32 bits, up to the number of --samples
+    /// Goes on with the samples of a growing picture, an EXR of 32 bits, up to the number of --samples
     ///
     /// The bytes are those of a picture that is made at once. The file may be finished, or the part of an interrupted
     /// render. The scene, the seed, the size and all else that the samples depend on must be the same.
@@ -114,19 +114,12 @@ impl PassFlags {
     /// The job with these flags. `samples` is the value of --samples.
     pub(crate) fn apply(&self, mut job: Job, samples: Option<u32>) -> Result<Job, Failure> {
         let Some(flag) = self.given() else { return Ok(job) };
+        job.progressive = true;
         let ends_by_itself = self.time.is_some() || self.noise.is_some();
         if ends_by_itself && samples.is_none() && matches!(job.film.sampling, Sampling::Sampled(_) | Sampling::Center) {
             job.film.sampling = Sampling::Sampled(Sampling::MAX_SAMPLES - self.first_sample);
         }
-        if let Err(why) = job.passes() {
-            let help = match job.integrator {
-                Integrator::Path(_) => "leave --pattern out, and --sampler unless it is sobol",
-                _ => "render it with --integrator path",
-            };
-            return Err(
-                Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}")).help(help)
-            );
-        }
+        job.passes().map_err(|why| not_progressive(flag, why))?;
         if self.time.is_some() && job.film.sampler == SamplerKind::BlueNoise {
             return Err(Failure::usage("--time: the blue-noise sampler needs to know the number of samples first")
                 .help("leave --sampler out, or give --samples instead"));
@@ -153,7 +146,7 @@ impl PassFlags {
 const SCENE_DIGEST: &str = "scene-digest";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 17] = [
+const TELLING: [&str; 16] = [
     "Software",
     "size",
     "crop",
@@ -162,8 +155,7 @@ const TELLING: [&str; 17] = [
     "seed",
     "first-sample",
     "integrator",
-    "max-depth",
-    "roulette",
+    PROGRESSIVE,
     ALPHA,
     "sampler",
     "filter",
@@ -196,7 +188,7 @@ pub(crate) fn samples_of_file(
     let mut own = texts.to_vec();
     own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
     if decoded.metadata.iter().all(|(key, _)| key != SCENE_DIGEST) {
-        return Err(failed("it isn't an EXR of a picture by paths that this program wrote".into()));
+        return Err(failed("it isn't an EXR of a growing picture that this program wrote".into()));
     }
     if decoded.is_changed {
         return Err(failed(
@@ -204,7 +196,8 @@ pub(crate) fn samples_of_file(
         )
         .help("render the picture from its first sample on"));
     }
-    for key in TELLING {
+    let settings = job.description().settings().into_iter().map(|(key, _)| key);
+    for key in TELLING.into_iter().chain(settings) {
         let (theirs, own) = (of(&decoded.metadata, key), of(&own, key));
         if theirs != own {
             return Err(match key {

@@ -7,12 +7,14 @@ use crate::format::count;
 use crate::told_developing::{EXPOSURE, TONE, TRANSFER};
 use canaletto::Named;
 use canaletto::camera::Camera;
+use canaletto::integrator::{ChangedSettings, describe};
 use canaletto::render::{Job, JobError};
-use canaletto::scene::{
-    Exposure, FilmSettings, Filter, Integrator, SamplePattern, SamplerKind, Sampling, Scene, ShadowMethod, View,
-};
+use canaletto::scene::{Exposure, FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Scene, View};
 use canaletto_io::diagnostic::closest_word;
 use canaletto_io::picture::MAX_PIXELS;
+
+/// The text entry of a picture that grows because it was asked to.
+pub(crate) const PROGRESSIVE: &str = "progressive";
 
 /// The text entry of a picture without a background.
 pub(crate) const ALPHA: &str = "alpha";
@@ -53,28 +55,17 @@ impl Settings {
             crop: flags.crop.or(own_crop),
             ..scene.film
         };
-        let mut integrator = match flags.integrator {
+        let integrator = match flags.integrator {
             Some(other) if other.name() != scene.integrator.name() => other,
             _ => scene.integrator,
         };
-        if let Some(flag) = needless(flags, &integrator) {
-            let message = format!("{flag}: integrator \"{}\" has no such setting", integrator.name());
-            return Err(Failure::usage(message).help("leave it out, or give --integrator whitted"));
-        }
-        if flags.no_shadows
-            && let Some(settings) = integrator.zbuffer_mut()
-        {
-            settings.shadows = ShadowMethod::None;
-        }
-        if let Some(settings) = integrator.path_mut() {
-            settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
-        }
-        if let Some(settings) = integrator.whitted_mut() {
-            settings.stage = flags.stage.unwrap_or(settings.stage);
-            settings.max_depth = flags.max_depth.unwrap_or(settings.max_depth);
-            settings.shadows &= !flags.no_shadows;
-        }
-        let job = Job { seed: flags.seed.unwrap_or(0), ..Job::new(camera, film, integrator) };
+        let PictureFlags { max_depth, stage, no_shadows: without_shadows, progressive, .. } = *flags;
+        let changed = ChangedSettings { max_depth, stage, without_shadows };
+        let integrator = describe(&integrator).with_settings(&changed).map_err(|setting| {
+            let message = format!("--{setting}: integrator \"{}\" has no such setting", integrator.name());
+            Failure::usage(message).help("leave it out, or give --integrator whitted")
+        })?;
+        let job = Job { seed: flags.seed.unwrap_or(0), progressive, ..Job::new(camera, film, integrator) };
         job.check().map_err(|e| wrong_job(name, &e, flags))?;
         Ok(Settings { job, camera: view.name })
     }
@@ -92,21 +83,21 @@ impl Settings {
     }
 }
 
-/// The flag of shading stages or shadows that is given and that this integrator has no meaning for.
-fn needless(flags: &PictureFlags, integrator: &Integrator) -> Option<&'static str> {
-    let given = [(flags.stage.is_some(), "--stage"), (flags.no_shadows, "--no-shadows")];
-    let is_path = matches!(integrator, Integrator::Path(_));
-    given.into_iter().find(|(given, _)| is_path && *given).map(|(_, flag)| flag)
-}
-
 fn wrong_job(name: &str, error: &JobError, flags: &PictureFlags) -> Failure {
     match error {
         JobError::Crop { .. } if flags.crop.is_some() => Failure::usage(format!("--crop: {error}")),
         JobError::Crop { .. } if flags.size.is_some() => {
             Failure::usage(format!("--size: {error}")).help("the scene has a crop window; give --crop as well")
         }
+        JobError::NotInPasses { why, .. } if flags.progressive => not_progressive("--progressive", why),
         _ => Failure::new(Exit::Scene, format!("{name}: {error}")),
     }
+}
+
+/// A flag that only a progressive picture has, where the picture can't be one.
+pub(crate) fn not_progressive(flag: &str, why: &str) -> Failure {
+    Failure::usage(format!("{flag}: it needs a picture that is made in passes, but {why}"))
+        .help("give --samples N, and neither --pattern nor a --sampler but sobol")
 }
 
 fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Result<&'a View, Failure> {
@@ -133,12 +124,12 @@ fn choose_view<'a>(name: &str, views: &'a [View], wanted: Option<&str>) -> Resul
 /// names it, else its defaults.
 pub(crate) fn classic(flags: &PictureFlags, scene: &Scene) -> Result<PictureFlags, Failure> {
     match flags.integrator {
-        Some(other) if other.whitted().is_none() => {
+        Some(other) if describe(&other).whitted().is_none() => {
             let message = format!("--integrator {}: the stages are those of the classic integrator", other.name());
             Err(Failure::usage(message).help("leave it out, or see compare-methods"))
         }
         _ => {
-            let integrator = Some(Integrator::Whitted(scene.integrator.nearest_whitted()));
+            let integrator = Some(describe(&scene.integrator).nearest_whitted().into());
             Ok(PictureFlags { integrator, ..flags.clone() })
         }
     }
@@ -237,14 +228,17 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
         ("integrator", integrator.name().into()),
     ];
     // An exposure of 0 is told where it isn't what a film without an exposure has.
-    let unset = FilmSettings { exposure: None, ..*film }.developing(integrator).exposure;
+    let unset = FilmSettings { exposure: None, ..*film }.developing(describe(integrator).is_photographic()).exposure;
     if [developing.exposure, unset] != [Exposure::default(); 2] {
         texts.push((EXPOSURE, developing.exposure.to_string()));
     }
     if film.alpha {
         texts.push((ALPHA, true.to_string()));
     }
-    texts.extend(integrator.settings());
+    texts.extend(describe(integrator).settings());
+    if settings.job.progressive && !describe(integrator).is_progressive_by_default() {
+        texts.push((PROGRESSIVE, true.to_string()));
+    }
     texts.push(("seed", seed.to_string()));
     if let Some([x, y, width, height]) = film.crop {
         texts.push(("crop", format!("{x} {y} {width} {height}")));

@@ -9,6 +9,7 @@ use crate::output_format::Format;
 use crate::progress::{Style, emit};
 use crate::solutions::check_radiosity;
 use canaletto::Named;
+use canaletto::integrator::describe;
 use canaletto::integrator::radiosity::{ShootingStep, ShootingWatcher};
 use canaletto::render::{Job, Observer, render_with_solution};
 use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings};
@@ -41,8 +42,8 @@ impl ShootingFlags {
             return Ok(());
         }
         check_radiosity("--shooting-steps", scene, integrator)?;
-        match integrator {
-            Integrator::Radiosity(RadiositySettings { method, .. }) if *method != RadiosityMethod::Shooting => {
+        match describe(integrator).radiosity() {
+            Some(RadiositySettings { method, .. }) if *method != RadiosityMethod::Shooting => {
                 Err(Failure::usage(format!("--shooting-steps: the method {} has no steps", method.name()))
                     .help("add --set integrator.method=shooting"))
             }

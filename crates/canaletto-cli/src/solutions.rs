@@ -4,6 +4,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::output::{check_files, write_with};
 use canaletto::Named;
+use canaletto::integrator::describe;
 use canaletto::integrator::radiosity::{
     RadiosityError, RadiositySolution, ShootingWatcher, SolutionFileError, SolutionFingerprint,
 };
@@ -78,7 +79,7 @@ impl SolutionFlags {
 
 /// Checks that a flag of radiosity suits an integrator.
 pub(crate) fn check_radiosity(flag: &str, scene: &str, integrator: &Integrator) -> Result<(), Failure> {
-    if let Integrator::Radiosity(_) = integrator {
+    if describe(integrator).radiosity().is_some() {
         return Ok(());
     }
     let name = integrator.name();
@@ -100,10 +101,7 @@ pub(crate) enum SolutionSource {
 
 /// The fingerprint of a scene, if a job needs its solution.
 pub(crate) fn fingerprint(scene: &Scene, job: &Job) -> Option<SolutionFingerprint> {
-    match &job.integrator {
-        Integrator::Radiosity(settings) => Some(SolutionFingerprint::new(scene, settings)),
-        _ => None,
-    }
+    job.description().radiosity().map(|settings| SolutionFingerprint::new(scene, settings))
 }
 
 /// The solutions of a run. At most one is kept.

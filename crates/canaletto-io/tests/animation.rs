@@ -1,5 +1,6 @@
 //! Keys and paths in the scene text: the scene at a frame. Expected values are computed by hand.
 
+use canaletto::integrator::describe;
 use canaletto::light::LightKind;
 use canaletto::math::Rgb;
 use canaletto::scene::{Content, Node, Scene, Stage, Transfer};
@@ -28,7 +29,7 @@ fn origin(text: &str, frame: f64) -> DVec3 {
 }
 
 fn stage(scene: &Scene) -> Stage {
-    scene.integrator.whitted().unwrap().stage
+    describe(&scene.integrator).whitted().unwrap().stage
 }
 
 #[test]
@@ -59,7 +60,7 @@ fn everything_moves() {
     assert_eq!(light.intensity, Rgb::gray(1.5));
     assert!(matches!(&light.kind, LightKind::Spot(spot) if spot.target == Vec3::new(0.25, 0.0, 0.0)));
     // 2.25 is rounded; a keyword holds until the next key.
-    assert_eq!((scene.integrator.max_depth(), stage(&scene)), (2, Stage::Diffuse));
+    assert_eq!((describe(&scene.integrator).max_depth(), stage(&scene)), (2, Stage::Diffuse));
     assert_eq!(stage(&at(text, 5.0)), Stage::Full);
     // Values are constant before the first and after the last key.
     assert_eq!((at(text, -7.0), at(text, 99.0)), (at(text, 0.0), at(text, 10.0)));

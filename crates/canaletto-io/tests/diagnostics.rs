@@ -3,6 +3,7 @@
 //! The messages of each `crates/canaletto-io/tests/bad/*.kdl` are in a `.txt` beside it; `CANALETTO_BLESS=1` rewrites
 //! them.
 
+use canaletto::integrator::describe;
 use canaletto::math::Rgb;
 use canaletto::scene::{Content, Scene, Transfer};
 use canaletto::texture::{ColorSpace, Filter, Function, Placement, TextureKind, Wrap};
@@ -447,7 +448,7 @@ fn values_can_be_set() {
     ])
     .unwrap_or_else(|errors| panic!("{errors}"));
     assert_eq!(changed.materials[0].classic().eta, 1.4);
-    assert_eq!((changed.integrator.max_depth(), changed.integrator.has_shadows()), (3, false));
+    assert_eq!((describe(&changed.integrator).max_depth(), describe(&changed.integrator).has_shadows()), (3, false));
     assert!(changed.views.iter().all(|view| view.intrinsics.fovy == 50.0));
     assert_eq!(changed.film.sampling, canaletto::scene::Sampling::Jittered(2));
     assert_eq!(changed.background, canaletto::math::Rgb::gray(0.5));

@@ -3,16 +3,15 @@
 //! Each [`Finding`] is a doubt, not an error. It is reported only where all rays agree.
 
 mod brightness;
-mod omission;
 mod ray_trees;
 
+pub use crate::integrator::{Omission, omissions};
 pub use brightness::Reason;
-pub use omission::{Omission, omissions};
 pub use ray_trees::{RayTrees, large_ray_trees};
 
+use crate::job::{Job, PlacedJob};
 use crate::light::PreparedLight;
 use crate::math::DRay;
-use crate::render::Job;
 use crate::world::{Hit, World};
 use brightness::Brightness;
 use glam::DVec3;
@@ -82,9 +81,7 @@ const MAX_POINTS: u32 = 16;
 pub fn diagnose(world: &World, job: &Job) -> Vec<Finding> {
     let mut findings = doubts(world, job);
     if findings.is_empty() {
-        let counted = job.relative_to(world);
-        // Explanations use coordinates relative to the scene's origin, as pictures do.
-        match brightness::judge(world, counted.as_ref().unwrap_or(job), job) {
+        match brightness::judge(&PlacedJob::new(world, job), job) {
             Some(Brightness::Black(reasons)) if !reasons.is_empty() => findings.push(Finding::Black { reasons }),
             Some(Brightness::White(least)) => findings.push(Finding::White { least }),
             _ => {}
@@ -100,16 +97,14 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
         return findings;
     }
     // Rays, hits and lights have coordinates relative to the world's origin.
-    let counted = job.relative_to(world);
-    let in_scene = job;
-    let job = counted.as_ref().unwrap_or(job);
-    if !GRIDS.iter().any(|most| anything_in_view(world, job, *most)) {
-        findings.push(nothing_in_view(world, in_scene));
+    let placed = PlacedJob::new(world, job);
+    if !GRIDS.iter().any(|most| anything_in_view(world, &placed, *most)) {
+        findings.push(nothing_in_view(world, job));
     }
-    if !job.integrator.has_shadows() {
+    if !job.description().has_shadows() {
         return findings;
     }
-    let eye = job.camera.at(0.0).eye();
+    let eye = placed.camera.at(0.0).eye();
     let around_eye = enclosing_object(world, eye);
     let lit = |object: u32| {
         world

@@ -79,7 +79,7 @@ impl Rung {
     /// most similar classic one. The last rung keeps the job's sampling if that has several rays for each pixel. Else
     /// it takes 4 × 4 jittered rays.
     pub fn job(self, job: &Job) -> Job {
-        let settings = WhittedSettings { stage: self.stage(), ..job.integrator.nearest_whitted() };
+        let settings = WhittedSettings { stage: self.stage(), ..job.description().nearest_whitted() };
         let sampling = match (self, job.film.sampling) {
             (Rung::AntiAliasing, own) if own.is_single() => Sampling::Jittered(4),
             (Rung::AntiAliasing, own) => own,
@@ -141,7 +141,7 @@ mod tests {
     fn settings_of_the_job_are_kept() {
         let mut own = job(Sampling::Center);
         own.integrator = WhittedSettings { max_depth: 3, shadows: false, ..WhittedSettings::default() }.into();
-        let settings = *Rung::Shadow.job(&own).integrator.whitted().unwrap();
+        let settings = *Rung::Shadow.job(&own).description().whitted().unwrap();
         assert_eq!(settings, WhittedSettings { stage: Stage::Shadow, max_depth: 3, shadows: false, ..settings });
         own.integrator = ZbufferSettings::default().into();
         assert_eq!(Rung::Refraction.job(&own).integrator, WhittedSettings::default().into());

@@ -14,9 +14,10 @@ use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::Named;
 use canaletto::bake::{Atlas, BakeError, BakeSettings, BakedScene, LeftOut, LeftOutReason, TexelDensity};
+use canaletto::integrator::describe;
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::memory;
-use canaletto::scene::{Developing, Exposure, FilmSettings, Integrator, RadiositySettings, Scene, Tone};
+use canaletto::scene::{Developing, Exposure, FilmSettings, Scene, Tone};
 use canaletto_io::export::{Export, ExportFormat, LightMaps, UpAxis};
 use clap::Args;
 use serde::Serialize;
@@ -140,7 +141,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     check_room(flags)?;
     let name = source.name;
     let shown = Shown::of(&source.scene, flags);
-    let settings = source.scene.integrator.radiosity().copied().unwrap_or_default();
+    let settings = describe(&source.scene.integrator).radiosity().copied().unwrap_or_default();
     let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
     let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
     solutions.check(&fingerprint)?;
@@ -227,7 +228,7 @@ impl Shown {
         let up = flags.up.or(scene.views.first().map(UpAxis::of_view)).unwrap_or_default();
         let tone = flags.tone.or(scene.film.tone);
         let film = FilmSettings { exposure: flags.exposure.or(scene.film.exposure), tone, ..scene.film };
-        let developing = film.developing(&Integrator::Radiosity(RadiositySettings::DEFAULT));
+        let developing = film.developing(false);
         Shown { views: scene.views.clone(), developing, up }
     }
 }

@@ -13,9 +13,8 @@ use crate::solutions::{GivenSolutionFlags, SolutionFlags, Solutions};
 use crate::source::{Reader, build, on_threads};
 use canaletto::glam::DVec3;
 use canaletto::integrator::radiosity::{RadiosityMeter, RadiositySolution, SolutionFingerprint};
-use canaletto::integrator::{Measurement, PathMeter};
+use canaletto::integrator::{Measurement, PathMeter, describe};
 use canaletto::render::Observer;
-use canaletto::scene::Integrator;
 use clap::Args;
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -136,15 +135,13 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
         print_diagnostics(&source.warnings, false);
     }
     files.check_scene(&reader)?;
-    let path_settings = match source.scene.integrator {
-        Integrator::Path(settings) => Some(settings),
-        _ => None,
-    };
-    let method = flags.integrator.unwrap_or(if path_settings.is_some() { Method::Path } else { Method::Radiosity });
+    let integrator = describe(&source.scene.integrator);
+    let method = flags.integrator.unwrap_or(if integrator.traces_paths() { Method::Path } else { Method::Radiosity });
     if method == Method::Path && flags.solution.solution.is_some() {
         return Err(Failure::usage("--solution is of radiosity; with --integrator path no solution is used"));
     }
-    let settings = source.scene.integrator.radiosity().copied().unwrap_or_default();
+    let paths = integrator.nearest_path();
+    let settings = integrator.radiosity().copied().unwrap_or_default();
     let mut solutions = Solutions::new(&SolutionFlags::from(&flags.solution), false)?;
     let fingerprint = SolutionFingerprint::new(&source.scene, &settings);
     if method == Method::Radiosity {
@@ -155,7 +152,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     interrupt::Rendering::begins();
     let solution: Arc<RadiositySolution>;
     let meter = match method {
-        Method::Path => Meter::Paths(Box::new(PathMeter::new(&world, path_settings.unwrap_or_default()))),
+        Method::Path => Meter::Paths(Box::new(PathMeter::new(&world, paths))),
         Method::Radiosity => {
             let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
             let Some((solved, _)) = solved else { return Ok(Exit::Interrupted) };

@@ -165,8 +165,8 @@ mod tests {
         assert_eq!(after, expected);
         let (before, after) = set_in("a.obj", OBJ, &["integrator.shadows=none", "integrator=zbuffer"]).unwrap();
         let mut expected = before.clone();
-        expected.integrator = canaletto::scene::Integrator::from_name("zbuffer").unwrap();
-        expected.integrator.zbuffer_mut().unwrap().shadows = canaletto::scene::ShadowMethod::None;
+        let shadows = canaletto::scene::ShadowMethod::None;
+        expected.integrator = canaletto::scene::ZbufferSettings { shadows, ..Default::default() }.into();
         assert_eq!(after, expected);
     }
 

@@ -8,19 +8,19 @@ mod pixel;
 mod places;
 mod terms;
 
-use crate::explain::{ExplainError, ExplainWorker, PreparedExplainer, SolutionSource};
+use crate::explain::{ExplainError, ExplainWorker};
 use crate::film::{Developer, Picture};
+use crate::integrator::TaskQueue;
 use crate::integrator::radiosity::RadiositySolution;
 use crate::job::{Job, JobError, Observer, Progress};
 use crate::math::Rgb;
 use crate::named;
-use crate::render::stack_of;
+use crate::render::{Preparation, Session, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use pixel::{Judge, PixelCause};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The cause of a difference between the pixels of two integrators.
@@ -160,84 +160,73 @@ pub fn find_causes(
         assert_eq!(method.job.window(), reference.job.window(), "both methods show one window");
         assert_eq!([method.picture.width, method.picture.height], [width, height], "pictures have their window's size");
     }
-    let jobs = [reference.job, other.job].map(|job| job.relative_to(world).unwrap_or_else(|| job.clone()));
-    let stack = jobs.iter().map(|job| stack_of(world, job)).max().unwrap_or_default();
+    let stack = [reference, other].map(|method| stack_of(world, method.job)).into_iter().max().unwrap_or_default();
     let developer = Developer::new(reference.picture, &reference.job.developing());
-    let judge = Judge { developer, tolerance, camera: &reference.job.camera, other: &other.job.integrator };
+    let judge = Judge {
+        developer,
+        tolerance,
+        camera: &reference.job.camera,
+        tolerance_of_other: other.job.description().tolerance(),
+    };
     with_stack(stack, || {
-        let mut explainers = Vec::new();
-        for (job, method) in jobs.iter().zip([reference, other]) {
-            let source = method.solution.map_or(SolutionSource::Solved, SolutionSource::Given);
-            match PreparedExplainer::new(world, job, source, observer)? {
-                ControlFlow::Continue(explainer) => explainers.push(explainer),
+        let mut sessions = Vec::new();
+        for method in [reference, other] {
+            let preparation = Preparation { solution: method.solution, ..Preparation::default() };
+            match Session::new(world, method.job, preparation, observer)? {
+                ControlFlow::Continue(session) => sessions.push(session),
                 ControlFlow::Break(()) => return Ok(Causes::unfinished([width, height])),
             }
         }
-        Ok(on_all_threads([&explainers[0], &explainers[1]], [reference, other], &judge, observer))
+        Ok(of_all_tiles([&sessions[0], &sessions[1]], [reference, other], &judge, observer))
     })?
 }
 
-fn on_all_threads(
-    explainers: [&PreparedExplainer; 2],
+/// The causes in all tiles of the other method, since a z-buffer draws tiles.
+fn of_all_tiles(
+    sessions: [&Session; 2],
     methods: [&MethodPicture; 2],
     judge: &Judge,
     observer: &dyn Observer,
 ) -> Causes {
     let [left, top, width, height] = methods[0].job.window();
-    // The z-buffer draws tiles of its job's side.
-    let side = methods[1].job.tile.clamp(1, 1 << 20);
-    let across = width.div_ceil(side) as usize;
-    let tile_count = across * height.div_ceil(side) as usize;
-    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let cancelled = |_| stopped.load(Ordering::Relaxed) || observer.cancelled();
-    let tiles: Vec<Mutex<TileCauses>> = (0..tile_count).map(|_| Mutex::default()).collect();
+    let all = methods[1].job.tiles();
+    let queue = TaskQueue::new(observer);
+    let stops = |rays| rays > MAX_RAYS || queue.is_stopped();
     let done = Mutex::new(Progress { pixels_done: 0, pixels: u64::from(width) * u64::from(height), rays: 0 });
-    rayon::broadcast(|_| {
-        let mut workers = explainers.map(|explainer| ExplainWorker::new(explainer, MAX_RAYS, &cancelled));
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            if index >= tile_count {
-                break;
+    let new_workers = || sessions.map(|session| ExplainWorker::new(session, MAX_RAYS, &stops));
+    let tiles = queue.collect(all.count(), new_workers, |workers, number| {
+        let area @ [x0, y0, across, down] = all.area(number);
+        let before = workers[0].rays + workers[1].rays;
+        let mut tile = TileCauses::default();
+        for pixel @ [x, y] in (y0..y0 + down).flat_map(|y| (x0..x0 + across).map(move |x| [x, y])) {
+            let place = [x - left, y - top];
+            let colors = methods.map(|method| method.picture.pixel(place[0], place[1]));
+            let Some(steps) = judge.difference(colors) else { continue };
+            if tile.pixels.is_empty() {
+                workers.iter_mut().for_each(|worker| worker.begin_area(area));
             }
-            let [x0, y0] = [(index % across) as u32 * side, (index / across) as u32 * side];
-            let [x1, y1] = [(x0 + side).min(width), (y0 + side).min(height)];
-            let before = workers[0].rays + workers[1].rays;
-            let mut tile = TileCauses::default();
-            for [x, y] in (y0..y1).flat_map(|y| (x0..x1).map(move |x| [x, y])) {
-                let colors = methods.map(|method| method.picture.pixel(x, y));
-                let Some(steps) = judge.difference(colors) else { continue };
-                if tile.pixels.is_empty() {
-                    let area = [left + x0, top + y0, x1 - x0, y1 - y0];
-                    workers.iter_mut().for_each(|worker| worker.begin_area(area));
+            match cause_of(workers, judge, pixel, colors, steps) {
+                Ok(found) if !queue.is_stopped() => {
+                    tile.pixels.push((place, found.cause));
+                    tile.tally.add(pixel, found);
                 }
-                let pixel = [left + x, top + y];
-                match cause_of(&mut workers, judge, pixel, colors, steps) {
-                    Ok(found) if !cancelled(0) => {
-                        tile.pixels.push(([x, y], found.cause));
-                        tile.tally.add(pixel, found);
-                    }
-                    _ => {
-                        stopped.store(true, Ordering::Relaxed);
-                        return;
-                    }
-                }
+                _ => return ControlFlow::Break(()),
             }
-            *tiles[index].lock().unwrap_or_else(PoisonError::into_inner) = tile;
-            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
-            done.pixels_done += u64::from((x1 - x0) * (y1 - y0));
-            done.rays += workers[0].rays + workers[1].rays - before;
-            observer.progress(&done);
         }
+        let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+        done.pixels_done += u64::from(across * down);
+        done.rays += workers[0].rays + workers[1].rays - before;
+        observer.progress(&done);
+        ControlFlow::Continue(tile)
     });
     let mut causes = Causes::unfinished([width, height]);
+    let ControlFlow::Continue(tiles) = tiles else { return causes };
     let mut tally = Tally::default();
     for tile in tiles {
-        let tile = tile.into_inner().unwrap_or_else(PoisonError::into_inner);
         tile.pixels.iter().for_each(|([x, y], cause)| causes.pixels[(y * width + x) as usize] = Some(*cause));
         tally.merge(tile.tally);
     }
-    let done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    causes.complete = done.pixels_done == done.pixels;
+    causes.complete = true;
     causes.worst = tally.worst.into_values().collect();
     causes.pairs = tally.pairs.into_iter().collect();
     causes.pairs.sort_by_key(|(_, pixels)| std::cmp::Reverse(*pixels));

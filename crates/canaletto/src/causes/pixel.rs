@@ -6,7 +6,6 @@ use crate::camera::Camera;
 use crate::explain::PixelTree;
 use crate::film::Developer;
 use crate::math::Rgb;
-use crate::scene::Integrator;
 use glam::DVec3;
 
 /// The cause of one pixel's difference.
@@ -38,8 +37,8 @@ pub(super) struct Judge<'a> {
     pub(super) tolerance: f64,
     /// The camera in the scene's coordinates.
     pub(super) camera: &'a Camera,
-    /// The integrator that is compared with the reference.
-    pub(super) other: &'a Integrator,
+    /// The distance in pixels between a curved surface and the triangles that the other method draws for it.
+    pub(super) tolerance_of_other: f64,
 }
 
 impl Judge<'_> {
@@ -73,7 +72,7 @@ impl Judge<'_> {
             };
             terms.add_pixel(cause, wide(at_places.color) - wide(tree.color), [tree, at_places]);
         }
-        Comparison { camera: self.camera, other: self.other }.compare([at_places, other], &mut terms);
+        Comparison { camera: self.camera, tolerance: self.tolerance_of_other }.compare([at_places, other], &mut terms);
         let target = self.shown(other_color);
         let open = |difference: DVec3| (self.shown(reference_color + difference) - target).length();
         let whole = open(DVec3::ZERO).max(f64::MIN_POSITIVE);

@@ -9,7 +9,6 @@ use crate::camera::Camera;
 use crate::explain::{HitNode, LightNode, Outcome, PixelTree, RayNode, SampleNode};
 use crate::integrator::RayKind;
 use crate::material::Phong;
-use crate::scene::Integrator;
 use glam::DVec3;
 
 /// Where a difference arises.
@@ -111,7 +110,8 @@ pub(super) fn surfaces(trees: [&PixelTree; 2]) -> Vec<SeenSurface> {
 pub(super) struct Comparison<'a> {
     /// The camera in the scene's coordinates.
     pub(super) camera: &'a Camera,
-    pub(super) other: &'a Integrator,
+    /// The distance in pixels between a curved surface and the triangles that the other method draws for it.
+    pub(super) tolerance: f64,
 }
 
 impl Comparison<'_> {
@@ -187,14 +187,10 @@ impl Comparison<'_> {
         if matches!(a.kind, "mesh" | "box" | "triangle" | "disk" | "plane") {
             return a.normal == b.normal || cosine > 1.0 - 1e-5;
         }
-        let tolerance = match self.other {
-            Integrator::Zbuffer(settings) => f64::from(settings.tolerance),
-            _ => 0.5,
-        };
         let [a_point, b_point] = [a.point, b.point].map(DVec3::from_array);
         let distance = (b_point - a_point).dot(vector(a.normal)).abs();
         // Faces that meet at the rim of a cap have normals farther apart than this.
-        cosine > 0.5 && distance <= 2.0 * (tolerance + 1.0) * self.pixel_width(a_point)
+        cosine > 0.5 && distance <= 2.0 * (self.tolerance + 1.0) * self.pixel_width(a_point)
     }
 
     /// The width of a pixel at a point's distance.

@@ -3,10 +3,12 @@
 use super::{first_hit, pixel_grid};
 use crate::explain::{HitNode, LightNode, Outcome, Side, explain};
 use crate::film::WeightedSum;
+use crate::integrator::camera_rays::PixelRenderer;
 use crate::integrator::{PreparedPath, PreparedRayIntegrator, RayIntegrator, Whitted};
+use crate::job::{Job, PlacedJob};
 use crate::math::Rgb;
-use crate::render::{Job, PixelRenderer, stack_of};
-use crate::scene::{FilmSettings, Integrator, PathSettings, Sampling, Transfer, WhittedSettings};
+use crate::render::stack_of;
+use crate::scene::{FilmSettings, Sampling, Transfer, WhittedSettings};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::collections::BTreeMap;
@@ -88,14 +90,15 @@ const TOO_BRIGHT: f32 = 1.05;
 /// The test pixels with a hit, and their colours.
 type Seen = Vec<([u32; 2], Rgb)>;
 
-/// Judges the picture of a job. `counted` is the job relative to the world's origin. `None` if the picture is neither
+/// Judges the picture of a job. `placed` is the job in its world. `None` if the picture is neither
 /// all black nor all too bright, or if the test would take too long.
-pub(super) fn judge(world: &World, counted: &Job, job: &Job) -> Option<Brightness> {
+pub(super) fn judge(placed: &PlacedJob, job: &Job) -> Option<Brightness> {
+    let world = placed.world();
     let dark = dark_below(job.film.transfer);
     let is_dark = |seen: &Seen| seen.iter().all(|(_, color)| color.max_component() < dark);
-    let finds_all = matches!(job.integrator, Integrator::Path(_) | Integrator::Radiosity(_));
+    let finds_all = job.description().finds_indirect_light();
     let look =
-        |grid: usize| if finds_all { look_by_paths(world, counted, grid) } else { look(world, counted, GRIDS[grid]) };
+        |grid: usize| if finds_all { look_by_paths(world, placed, grid) } else { look(world, placed, GRIDS[grid]) };
     let seen = look(0)?;
     let least = seen.iter().map(|(_, c)| c.r.min(c.g).min(c.b)).fold(f32::INFINITY, f32::min);
     if seen.is_empty() {
@@ -125,7 +128,7 @@ fn dark_below(transfer: Transfer) -> f32 {
 /// This job with one ray for each pixel.
 fn coarse(job: &Job) -> Job {
     let film = FilmSettings { sampling: Sampling::Center, transfer: job.film.transfer, ..FilmSettings::default() };
-    let settings = job.integrator.nearest_whitted();
+    let settings = job.description().nearest_whitted();
     let integrator = WhittedSettings { max_depth: settings.max_depth.min(6), ..settings }.into();
     Job { film, integrator, ..job.clone() }
 }
@@ -139,7 +142,7 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
     let hits = hits(world, job, most);
     with_stack(stack_of(world, &coarse), || {
         let too_many = |rays| rays > MAX_RAYS;
-        let mut whitted = Whitted::new(world, coarse.integrator.nearest_whitted()).with_cancel(&too_many);
+        let mut whitted = Whitted::new(world, coarse.description().nearest_whitted()).with_cancel(&too_many);
         let seen = colors(&mut whitted, &coarse, hits);
         (!whitted.is_cancelled()).then_some(seen)
     })
@@ -150,10 +153,7 @@ fn look(world: &World, job: &Job, most: [u32; 2]) -> Option<Seen> {
 
 /// [`look`] for integrators that find all light: by a few paths for each pixel.
 fn look_by_paths(world: &World, job: &Job, grid: usize) -> Option<Seen> {
-    let settings = match job.integrator {
-        Integrator::Path(settings) => settings,
-        _ => PathSettings::DEFAULT,
-    };
+    let settings = job.description().nearest_path();
     let film = FilmSettings { sampling: Sampling::Sampled(PATHS[grid]), ..FilmSettings::default() };
     let coarse = Job { film, integrator: settings.into(), ..job.clone() };
     let hits = hits(world, job, GRIDS[grid]);
@@ -173,7 +173,7 @@ fn colors<'w>(integrator: &mut impl RayIntegrator<'w>, job: &Job, pixels: Vec<[u
     let mut renderer = PixelRenderer::new(job);
     let mut color = |pixel: &[u32; 2]| {
         let mut sum = WeightedSum::default();
-        renderer.pixel(integrator, *pixel, &mut (), &mut sum);
+        renderer.pixel(integrator, *pixel, &mut (), &mut |color, weight| sum.add(color, weight));
         sum.mean()
     };
     pixels.into_iter().map(|pixel| (pixel, color(&pixel))).collect()

@@ -1,10 +1,10 @@
 //! The size of ray trees: into how many rays a camera ray of classic ray tracing branches.
 
 use super::pixel_grid;
-use crate::film::WeightedSum;
+use crate::integrator::camera_rays::PixelRenderer;
 use crate::integrator::{RayCounts, RayIntegrator, Whitted};
-use crate::job::Job;
-use crate::render::{PixelRenderer, stack_of};
+use crate::job::{Job, PlacedJob};
+use crate::render::stack_of;
 use crate::scene::{FilmSettings, Sampling};
 use crate::world::World;
 use canaletto_bvh::with_stack;
@@ -35,11 +35,9 @@ const LARGE: f64 = 1000.0;
 /// The mean size of the ray trees of this job, if it is so large that a picture takes a thousand times as long as one
 /// that shows what camera rays meet. `None` for other integrators than the classic one.
 pub fn large_ray_trees(world: &World, job: &Job) -> Option<RayTrees> {
-    let settings = *job.integrator.whitted()?;
-    let counted = job.relative_to(world);
-    let job = counted.as_ref().unwrap_or(job);
+    let settings = *job.description().whitted()?;
     let film = FilmSettings { sampling: Sampling::Center, ..FilmSettings::default() };
-    let job = Job { film, ..job.clone() };
+    let job = PlacedJob::new(world, &Job { film, ..job.clone() });
     let pixels = pixel_grid(&job, GRID);
     let is_too_many = |rays| rays > MAX_RAYS;
     let count = || {
@@ -47,7 +45,7 @@ pub fn large_ray_trees(world: &World, job: &Job) -> Option<RayTrees> {
         let (mut all, mut trees, mut is_more) = (RayCounts::default(), 0, false);
         for i in 0..pixels.len() {
             let mut whitted = Whitted::new(world, settings).with_cancel(&is_too_many);
-            renderer.pixel(&mut whitted, pixels[i * STEP % pixels.len()], &mut (), &mut WeightedSum::default());
+            renderer.pixel(&mut whitted, pixels[i * STEP % pixels.len()], &mut (), &mut |_, _| ());
             is_more |= whitted.is_cancelled();
             all += whitted.counts;
             trees += 1;

@@ -16,7 +16,6 @@ mod patch;
 mod patch_terms;
 mod patch_text;
 mod path;
-mod prepared;
 mod raster_text;
 mod ray_text;
 mod ray_tree;
@@ -24,11 +23,13 @@ mod record;
 mod round_shapes;
 mod steps;
 mod steps_text;
+mod summing;
 mod text;
 mod text_writer;
 mod tree;
 mod tree_svg;
 mod tried_objects;
+mod worker;
 
 pub use developed::{DevelopedNode, DevelopedValues, ToneCurve};
 pub use difference::{TermDifference, TermValue, TreeDifference};
@@ -48,16 +49,14 @@ pub use tree::{
     SampleNode, Side, TextureNode,
 };
 
-use crate::integrator::radiosity::RadiositySolution;
+use crate::Named;
 pub use crate::integrator::{RasterNode, RasterRival, RasterTriangle, RivalFate, ShownLight};
 use crate::math::DRay;
-use crate::render::{Job, JobError, stack_of};
+use crate::render::{Job, JobError, Preparation, Session, stack_of};
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use glam::DVec3;
-pub(crate) use prepared::{ExplainWorker, PreparedExplainer, SolutionSource};
-use std::ops::ControlFlow;
-use std::sync::Arc;
+pub(crate) use worker::ExplainWorker;
 
 /// The reason why a pixel can't be explained.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -125,27 +124,49 @@ const MAX_RAYS: u64 = 1 << 20;
 /// # Errors
 /// [`ExplainError`] if the pixel is outside the picture, has too many rays, or the job has an error.
 pub fn explain(world: &World, job: &Job, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
-    Explainer::new(world, job).pixel(x, y)
+    let preparation = Preparation { keeps_links: true, ..Preparation::default() };
+    Explainer::new(&session_of_pixel(world, job, [x, y], preparation)?).pixel(x, y)
 }
 
-/// What explanations are made from.
-#[derive(Clone, Copy, Debug)]
+/// A session that prepares what one pixel of a job needs, for its explanation. Rays need any pixel.
+///
+/// # Errors
+/// [`ExplainError`] if the pixel is outside the picture, or the job has an error.
+pub fn session_of_pixel<'w>(
+    world: &'w World,
+    job: &Job,
+    [x, y]: [u32; 2],
+    preparation: Preparation<'_>,
+) -> Result<Session<'w>, ExplainError> {
+    job.check()?;
+    let [width, height] = job.camera.size();
+    check_place([0, 0, width, height], [x, y], job)?;
+    let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
+    job.film.crop = Some([x, y, 1, 1]);
+    Ok(Session::open(world, &job, preparation)?)
+}
+
+/// Checks that a pixel is in an area of the job's picture.
+fn check_place([left, top, across, down]: [u32; 4], [x, y]: [u32; 2], job: &Job) -> Result<(), ExplainError> {
+    if (left..left + across).contains(&x) && (top..top + down).contains(&y) {
+        return Ok(());
+    }
+    let [width, height] = job.camera.size();
+    Err(ExplainError::Outside { x, y, width, height })
+}
+
+/// Explains pixels and rays with what an open session has prepared.
+#[derive(Clone, Copy)]
 pub struct Explainer<'a> {
-    world: &'a World,
-    job: &'a Job,
-    solution: Option<&'a Arc<RadiositySolution>>,
+    session: &'a Session<'a>,
     has_steps: bool,
 }
 
 impl<'a> Explainer<'a> {
-    /// Explanations of a job's pixels.
-    pub fn new(world: &'a World, job: &'a Job) -> Explainer<'a> {
-        Explainer { world, job, solution: None, has_steps: false }
-    }
-
-    /// Returns the explainer with a solution of radiosity that is already found. What lights its patches isn't known.
-    pub fn with_solution(self, solution: &'a Arc<RadiositySolution>) -> Explainer<'a> {
-        Explainer { solution: Some(solution), ..self }
+    /// Explanations of a session's pixels. What lights the patches of radiosity is told if the session keeps its links
+    /// ([`Preparation::keeps_links`]).
+    pub fn new(session: &'a Session<'a>) -> Explainer<'a> {
+        Explainer { session, has_steps: false }
     }
 
     /// Returns the explainer such that trees have the numbers on the chapter's way: those of the camera, of
@@ -154,17 +175,18 @@ impl<'a> Explainer<'a> {
         Explainer { has_steps, ..self }
     }
 
-    /// Explains a pixel as [`explain`] does.
+    /// Explains a pixel by its rays.
     ///
     /// # Errors
-    /// As [`explain`], and as [`render_with_solution`](crate::render::render_with_solution).
+    /// [`ExplainError`] if the pixel is outside the picture, or outside the window that a z-buffer draws, if it has too
+    /// many rays, and for an integrator of paths.
     pub fn pixel(&self, x: u32, y: u32) -> Result<PixelTree, ExplainError> {
-        let [width, height] = self.job.camera.size();
-        if x >= width || y >= height {
-            self.job.check()?;
-            return Err(ExplainError::Outside { x, y, width, height });
+        let job = self.session.job();
+        if job.description().traces_paths() {
+            return Err(JobError::NoExplanation { integrator: job.integrator.name() }.into());
         }
-        self.with_worker([x, y], |worker| worker.listing_rivals().pixel([x, y]))
+        self.check_place([x, y])?;
+        self.with_worker(|mut worker| worker.pixel([x, y]))
     }
 
     /// Explains the paths of a pixel of path tracing.
@@ -172,14 +194,11 @@ impl<'a> Explainer<'a> {
     /// # Errors
     /// As [`Explainer::pixel`], and [`ExplainError::NoPaths`] for another integrator.
     pub fn paths(&self, x: u32, y: u32) -> Result<PathTree, ExplainError> {
-        let [width, height] = self.job.camera.size();
-        self.job.check()?;
-        if x >= width || y >= height {
-            return Err(ExplainError::Outside { x, y, width, height });
+        self.check_place([x, y])?;
+        if !self.session.job().description().traces_paths() {
+            return Err(ExplainError::NoPaths);
         }
-        let relative = self.job.relative_to(self.world);
-        let job = relative.as_ref().unwrap_or(self.job);
-        with_stack(stack_of(self.world, job), || path::path_tree(self.world, job, [x, y])).map_err(JobError::from)?
+        self.with_worker(|mut worker| worker.paths([x, y]))
     }
 
     /// Explains a ray from `origin` in the scene's coordinates along `direction`, which may have any length but zero.
@@ -193,51 +212,27 @@ impl<'a> Explainer<'a> {
         if !origin.is_finite() || direction.try_normalize().is_none() {
             return Err(ExplainError::Direction);
         }
-        let line = DRay { origin: origin - self.world.origin(), direction };
-        self.with_worker([0, 0], |mut worker| worker.ray(line)?.ok_or(ExplainError::NoRays))
+        let line = DRay { origin: origin - self.session.job().world().origin(), direction };
+        self.with_worker(|mut worker| worker.ray(line)?.ok_or(ExplainError::NoRays))
     }
 
-    /// The scene from outside with the rays that [`PixelTree::svg`] draws for this number of levels. None for a tree
-    /// without samples.
-    pub fn outside(&self, tree: &PixelTree, levels: Option<u32>) -> Option<OutsideView> {
-        let sample = tree.samples.get(tree.nearest_to_mean())?;
-        Some(self.outside_of(&sample.ray, sample.time.unwrap_or(0.0) as f32, levels))
+    /// Checks that a pixel can be explained: any of the picture by rays, those of its window by a rasteriser.
+    fn check_place(&self, pixel: [u32; 2]) -> Result<(), ExplainError> {
+        let job = self.session.job();
+        let [width, height] = job.camera.size();
+        let traces_rays = job.description().traces_rays();
+        check_place(if traces_rays { [0, 0, width, height] } else { job.window() }, pixel, job)
     }
 
-    /// The scene from outside with the rays that [`PathTree::svg`] draws for this sample.
-    pub fn outside_path(&self, tree: &PathTree, chosen: Option<usize>, levels: Option<u32>) -> Option<OutsideView> {
-        let sample = tree.samples.get(chosen.or_else(|| tree.nearest_to_mean())?)?;
-        Some(self.outside_of(&sample.as_tree()?, sample.time.unwrap_or(0.0) as f32, levels))
-    }
-
-    /// The scene from outside with the rays that [`RayTree::svg`] draws.
-    pub fn outside_ray(&self, tree: &RayTree, levels: Option<u32>) -> OutsideView {
-        self.outside_of(&tree.ray, 0.0, levels)
-    }
-
-    fn outside_of(&self, ray: &RayNode, time: f32, levels: Option<u32>) -> OutsideView {
-        OutsideView::new(self.world, &self.job.camera.at(time.into()), time, ray, levels)
-    }
-
-    /// Prepares what a pixel needs, and calls `f`.
+    /// Calls `f` with a worker, on a thread whose stack is large enough.
     fn with_worker<T: Send>(
         &self,
-        [x, y]: [u32; 2],
         f: impl FnOnce(ExplainWorker) -> Result<T, ExplainError> + Send,
     ) -> Result<T, ExplainError> {
-        let Explainer { world, job, solution, has_steps } = *self;
-        job.check()?;
-        solution.map_or(Ok(()), |solution| solution.check(world, job))?;
-        let relative = job.relative_to(world);
-        let job = relative.as_ref().unwrap_or(job);
-        with_stack(stack_of(world, job), || {
-            let mut job = Job { tile: 1, aovs: Vec::new(), ..job.clone() };
-            job.film.crop = Some([x, y, 1, 1]);
-            let source = solution.map_or(SolutionSource::SolvedWithLinks, SolutionSource::Given);
-            let ControlFlow::Continue(explainer) = PreparedExplainer::new(world, &job, source, &())? else {
-                return Err(ExplainError::Cancelled);
-            };
-            f(ExplainWorker::new(&explainer, MAX_RAYS, &|_| false).with_steps(has_steps))
+        let job = self.session.job();
+        with_stack(stack_of(job.world(), job), || {
+            let stops = |rays| rays > MAX_RAYS;
+            f(ExplainWorker::new(self.session, MAX_RAYS, &stops).listing_rivals().with_steps(self.has_steps))
         })
         .map_err(JobError::from)?
     }

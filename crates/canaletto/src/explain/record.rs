@@ -9,7 +9,7 @@ use super::tree::{
 use super::tried_objects::{intersection_at, tried_objects};
 use crate::Named;
 use crate::camera::Camera;
-use crate::integrator::{EmittersTerm, LightTerm, PreparedRadiosity, Probe, RayKind};
+use crate::integrator::{EmittersTerm, LightTerm, PreparedRadiosity, Probe, RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::{MaterialPoint, Target};
 use crate::math::{DRay, Rgb};
@@ -40,6 +40,9 @@ pub(super) struct Recorder<'w> {
     radiosity: Option<&'w PreparedRadiosity>,
     /// The steps that are recorded, if any.
     steps: Option<RecordedSteps>,
+    /// What a rasteriser shows at the current sample.
+    raster: Option<RasterNode>,
+    lists_rivals: bool,
     /// The current hit, with its place in the world and whether it is on the outer side.
     place: Option<(Hit, DVec3, bool)>,
 }
@@ -60,6 +63,8 @@ impl<'w> Recorder<'w> {
             textures: Vec::new(),
             radiosity: None,
             steps: None,
+            raster: None,
+            lists_rivals: false,
             place: None,
         }
     }
@@ -72,6 +77,11 @@ impl<'w> Recorder<'w> {
     /// Returns this recorder such that it records the chapter's steps.
     pub(super) fn with_steps(self, steps: Option<RecordedSteps>) -> Recorder<'w> {
         Recorder { steps, ..self }
+    }
+
+    /// Returns this recorder such that it has a rasteriser list what covers a place and isn't seen.
+    pub(super) fn listing_rivals(self, lists_rivals: bool) -> Recorder<'w> {
+        Recorder { lists_rivals, ..self }
     }
 
     /// How the current ray's hit is found.
@@ -168,6 +178,14 @@ impl Probe for Recorder<'_> {
 
     fn alpha(&mut self, share: f32) {
         self.alpha += self.sample.map_or(0.0, |(_, weight)| weight) * f64::from(share);
+    }
+
+    fn raster(&mut self, node: &RasterNode) {
+        self.raster = Some(node.clone());
+    }
+
+    fn lists_rivals(&self) -> bool {
+        self.lists_rivals
     }
 
     fn drawn(&mut self, time: Option<f64>, lens: Option<[f64; 2]>) {
@@ -363,7 +381,7 @@ impl Probe for Recorder<'_> {
                 time,
                 lens,
                 chapter_direction: d.to_array(),
-                raster: None,
+                raster: self.raster.take(),
                 ray,
             });
         }

@@ -3,7 +3,7 @@
 use super::developed::DevelopedNode;
 use super::patch::{RadiosityNode, RadiosityTerms};
 use super::steps::{CameraSteps, HitSteps, LightSteps, RaySteps};
-use crate::film::WeightedSum;
+use super::summing::Summing;
 use crate::integrator::{RasterNode, RayKind};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::Phong;
@@ -28,6 +28,8 @@ pub struct PixelTree {
     /// What lights the surfaces under the pixel's rays.
     #[serde(flatten)]
     pub radiosity: RadiosityTerms,
+    #[serde(skip)]
+    pub(super) summing: Summing,
     /// The pixel's colour as rendered.
     pub color: Rgb,
     /// The colour's way into a file.
@@ -309,11 +311,7 @@ impl PixelTree {
         match &self.samples[..] {
             // A single sample is the pixel, whatever its weight.
             [only] => only.ray.sum(),
-            samples => {
-                let mut sum = WeightedSum::default();
-                samples.iter().for_each(|sample| sum.add(sample.ray.sum(), sample.weight));
-                sum.mean()
-            }
+            samples => self.summing.color(samples.iter().map(|sample| (sample.ray.sum(), sample.weight))),
         }
     }
 }

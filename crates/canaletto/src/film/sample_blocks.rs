@@ -274,6 +274,23 @@ impl SampleBlocks {
         self.counts[pixel] = count + size;
     }
 
+    /// Adds the samples of equally many pixels that come next. Returns whether they do: everywhere the first of them has
+    /// the number after the last of these, and none is added otherwise.
+    pub(crate) fn append(&mut self, next: &SampleBlocks) -> bool {
+        let ends = self.counts.iter().zip(&next.counts).filter(|(_, added)| **added > 0);
+        if self.size() != next.size() || !ends.map(|(count, _)| self.first + count).all(|end| end == next.first) {
+            return false;
+        }
+        for pixel in 0..next.counts.len() {
+            let place = pixel * next.room;
+            for (block, (size, mean)) in next.blocks(pixel).enumerate() {
+                let halves = next.halves.get(place + block).copied().unwrap_or(UNKNOWN);
+                self.push(pixel, size, BlockMean { mean, halves });
+            }
+        }
+        true
+    }
+
     /// The mean of a pixel's samples; black without samples.
     pub fn mean(&self, pixel: usize) -> Rgb {
         self.weighted(pixel, |place| self.means[place])

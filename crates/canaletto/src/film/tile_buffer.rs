@@ -1,4 +1,4 @@
-//! The sums of a tile: what passes over it accumulate, in `f64`.
+//! The sums of a tile, in `f64`.
 
 use super::{Layer, Picture};
 use crate::math::{Rgb, saturate};
@@ -32,10 +32,10 @@ impl WeightedSum {
     }
 }
 
-/// The rule by which the values of a layer accumulate over passes.
+/// The rule by which the values of a layer accumulate where a pixel has several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Accumulation {
-    /// The values of the first pass remain.
+    /// The first values remain. Nothing else is added.
     First,
     /// Weighted values are added; the layer holds their mean, with the weights of the picture's samples.
     Mean,
@@ -58,8 +58,6 @@ struct LayerSums {
 pub(crate) struct TileBuffer {
     /// x and y from the picture's upper left corner, width and height, in pixels.
     area: [u32; 4],
-    /// The number of the pass that is being added.
-    pass: u32,
     pixels: Vec<WeightedSum>,
     layers: Vec<LayerSums>,
 }
@@ -70,7 +68,7 @@ impl TileBuffer {
         let layers = layers.into_iter();
         let layers =
             layers.map(|(channels, accumulation)| LayerSums { accumulation, channels, values: Vec::new() }).collect();
-        let mut buffer = TileBuffer { area, pass: 0, pixels: Vec::new(), layers };
+        let mut buffer = TileBuffer { area, pixels: Vec::new(), layers };
         buffer.reset(area);
         buffer
     }
@@ -78,7 +76,7 @@ impl TileBuffer {
     /// Removes all sums; the buffer is then one of this area.
     pub(crate) fn reset(&mut self, area: [u32; 4]) {
         let pixels = area[2] as usize * area[3] as usize;
-        (self.area, self.pass) = (area, 0);
+        self.area = area;
         self.pixels.clear();
         self.pixels.resize(pixels, WeightedSum::default());
         for layer in &mut self.layers {
@@ -92,36 +90,19 @@ impl TileBuffer {
         self.area
     }
 
-    /// The number of the pass that is being added; the first is 0.
-    pub(crate) fn pass(&self) -> u32 {
-        self.pass
-    }
-
-    /// Ends a pass.
-    pub(crate) fn end_pass(&mut self) {
-        self.pass += 1;
-    }
-
     /// Adds the colour of a sample to pixel number `pixel`, in rows from the upper left.
     #[inline]
     pub(crate) fn add(&mut self, pixel: usize, color: Rgb, weight: f64) {
         self.pixels[pixel].add(color, weight);
     }
 
-    /// The sum of a pixel, to be added to.
-    #[inline]
-    pub(crate) fn pixel_mut(&mut self, pixel: usize) -> &mut WeightedSum {
-        &mut self.pixels[pixel]
-    }
-
-    /// Adds one pass's values of a layer at a pixel.
+    /// Adds values of a layer at a pixel.
     pub(crate) fn add_to_layer(&mut self, layer: usize, pixel: usize, values: &[f64]) {
         let LayerSums { accumulation, channels, values: sums } = &mut self.layers[layer];
         let sums = &mut sums[pixel * *channels..][..*channels];
         for (sum, value) in sums.iter_mut().zip(values) {
             match accumulation {
-                Accumulation::First if self.pass == 0 => *sum = *value,
-                Accumulation::First => {}
+                Accumulation::First => *sum = *value,
                 Accumulation::Mean | Accumulation::Sum => *sum += value,
                 Accumulation::Largest => *sum = sum.max(*value),
             }
@@ -189,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_accumulate_by_each_rule() {
+    fn values_accumulate_by_each_rule() {
         let rules = [
             (2, Accumulation::First),
             (1, Accumulation::Mean),
@@ -202,13 +183,14 @@ mod tests {
             for pixel in 0..2 {
                 let scale = if pixel == 0 { 1.0 } else { 2.0 };
                 buffer.add(pixel, Rgb::gray(color * scale as f32), weight);
-                buffer.add_to_layer(0, pixel, &[value * scale, -value]);
+                if weight == 1.0 {
+                    buffer.add_to_layer(0, pixel, &[value * scale, -value]);
+                    buffer.add_to_layer(4, pixel, &[16_777_217.0]);
+                }
                 buffer.add_to_layer(1, pixel, &[weight * value * scale]);
                 buffer.add_to_layer(2, pixel, &[value * scale]);
                 buffer.add_to_layer(3, pixel, &[value * scale]);
-                buffer.add_to_layer(4, pixel, &[16_777_217.0 + f64::from(buffer.pass())]);
             }
-            buffer.end_pass();
         }
         let mut picture = Picture::new(3, 2);
         picture.layers = vec![

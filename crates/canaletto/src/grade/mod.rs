@@ -26,7 +26,7 @@ pub use mistake::Mistake;
 pub use remark::Remark;
 pub use student::StudentPicture;
 
-use crate::job::{Job, JobError, Observer, SolvingPhase, SolvingProgress};
+use crate::job::{Job, JobError, Observer, PlacedJob, SolvingPhase, SolvingProgress};
 use crate::named::Named;
 use crate::scene::{Sampling, Scene, Stage, View, WhittedSettings};
 use crate::world::{Hit, World};
@@ -176,13 +176,13 @@ pub fn grade(task: Task<'_>, student: &StudentPicture, observer: &dyn Observer) 
     assert_eq!([width, height], [student.width, student.height], "the picture has the window's size");
     let left_out = left_out(world, job);
     let own_error = if left_out.is_empty() { None } else { own_error(world, job, student, &left_out, observer)? };
-    let counted = job.relative_to(world);
-    let job = counted.as_ref().unwrap_or(job);
+    let placed = PlacedJob::new(world, job);
+    let job = &*placed;
     let mut grader = Grader {
         job,
         student,
         observer,
-        whitted: job.integrator.nearest_whitted(),
+        whitted: job.description().nearest_whitted(),
         edges: student.edges(),
         left_out,
         own_error,

@@ -1,7 +1,7 @@
 //! Probes: observers of an integrator. The picture and its explanation run one code. The integrator is generic over a
 //! probe, and the empty probe compiles to nothing.
 
-use super::PathEvent;
+use super::{PathEvent, RasterNode};
 use crate::light::environment::EnvironmentLookup;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
@@ -128,6 +128,12 @@ pub trait Probe: GeometryProbe {
     /// Something happens along a path. Only path tracing calls it, beside [`Probe::sample`], [`Probe::drawn`] and
     /// [`Probe::end`], and the calls for the first ray.
     fn path(&mut self, _event: PathEvent) {}
+    /// What a rasteriser shows at the sample that began.
+    fn raster(&mut self, _node: &RasterNode) {}
+    /// Whether a rasteriser lists what covers a sample's place and isn't seen, which takes time.
+    fn lists_rivals(&self) -> bool {
+        false
+    }
     /// The current ray ends with this colour, before its factor is applied.
     fn end(&mut self, _color: Rgb) {}
 }

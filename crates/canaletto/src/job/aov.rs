@@ -1,7 +1,6 @@
 //! Extra layers (arbitrary output variables).
 
 use crate::film::{Accumulation, Layer};
-use crate::scene::Integrator;
 use crate::world::World;
 use crate::{Named, named};
 use serde::{Deserialize, Serialize};
@@ -98,28 +97,20 @@ named!(Aov {
 });
 
 impl Aov {
-    /// Whether an integrator can make the layer.
-    pub fn is_made_by(self, integrator: &Integrator) -> bool {
-        match integrator {
-            Integrator::Whitted(_) | Integrator::Radiosity(_) => !self.is_of_samples(),
-            Integrator::Path(_) if self.is_of_samples() || self.is_of_denoising() => true,
-            Integrator::Zbuffer(_) | Integrator::Path(_) => matches!(
-                self,
-                Aov::Depth
-                    | Aov::Normal
-                    | Aov::Position
-                    | Aov::Uv
-                    | Aov::ObjectId
-                    | Aov::MaterialId
-                    | Aov::ElementId
-                    | Aov::Alpha
-            ),
-        }
-    }
-
-    /// All layers that an integrator can make.
-    pub fn made_by(integrator: &Integrator) -> Vec<Aov> {
-        Aov::ALL.iter().copied().filter(|aov| aov.is_made_by(integrator)).collect()
+    /// Whether the layer tells of the surface that a pixel's first sample sees, or of how much of the background it
+    /// hides.
+    pub fn is_of_first_hit(self) -> bool {
+        matches!(
+            self,
+            Aov::Depth
+                | Aov::Normal
+                | Aov::Position
+                | Aov::Uv
+                | Aov::ObjectId
+                | Aov::MaterialId
+                | Aov::ElementId
+                | Aov::Alpha
+        )
     }
 
     /// Whether the layer tells of the samples of a picture that is made in passes.

@@ -3,17 +3,18 @@
 mod aov;
 mod observer;
 mod placed_job;
+mod tiles;
 
 pub use aov::Aov;
-pub use observer::{Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
+pub use observer::{FinishedTile, Observer, PassProgress, Progress, SolvingPhase, SolvingProgress};
 pub use placed_job::PlacedJob;
+pub use tiles::Tiles;
+pub(crate) use tiles::in_squares;
 
+use crate::OutOfRange;
 use crate::camera::Camera;
-use crate::scene::{Developing, FilmSettings, Filter, Guiding, Integrator, SamplerKind, Sampling, WhittedSettings};
-use crate::world::World;
-use crate::{Named, OutOfRange};
+use crate::scene::{FilmSettings, Integrator, WhittedSettings};
 use canaletto_bvh::NoThreads;
-use glam::DVec3;
 
 /// Everything that a picture depends on besides the world.
 ///
@@ -47,6 +48,10 @@ pub struct Job {
     pub aovs: Vec<Aov>,
     /// The number of each pixel's first sample. Pictures of other samples of the same scene can be added.
     pub first_sample: u32,
+    /// Whether the picture is made of blocks of samples that add up, by integrators that make it otherwise as well. Path
+    /// tracing's pictures are made so wherever they can be. Such a picture can be stopped after any pass, gone on with,
+    /// and made in parts. Its samples don't depend on how many there will be, so its noise is a little larger.
+    pub progressive: bool,
     /// The largest relative error that blocks of pixels should have. Pixels get samples until it is estimated to be
     /// reached, but no more than the film says. It is the root of the mean square error of the components in a block of
     /// 8 × 8 pixels, divided by the block's mean component. In dark blocks a tenth of the mean component of the middle
@@ -137,9 +142,6 @@ pub enum JobError {
     NoThreads(#[from] NoThreads),
 }
 
-/// Why samples of the blue-noise sampler don't go on.
-pub(crate) const BLUE_NOISE: &str = "the blue-noise sampler needs to know the number of samples first";
-
 impl Job {
     /// A job with the default tile size, seed 0 and no extra layers.
     pub fn new(camera: Camera, film: FilmSettings, integrator: impl Into<Integrator>) -> Job {
@@ -152,135 +154,15 @@ impl Job {
             tile: 32,
             aovs: Vec::new(),
             first_sample: 0,
+            progressive: false,
             noise: None,
             clamp: None,
-        }
-    }
-
-    /// Checks the values that come from files and users.
-    ///
-    /// # Errors
-    /// [`JobError`] with the value and its range.
-    pub fn check(&self) -> Result<(), JobError> {
-        let [of_width, of_height] = self.camera.size();
-        if let Some([x, y, width, height]) = self.film.crop {
-            let inside =
-                |start: u32, length: u32, of: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= of);
-            if !inside(x, width, of_width) || !inside(y, height, of_height) {
-                return Err(JobError::Crop { x, y, width, height, of_width, of_height });
-            }
-        }
-        if !(1..=WhittedSettings::MAX_DEPTH).contains(&self.integrator.max_depth()) {
-            return Err(JobError::Depth(self.integrator.max_depth()));
-        }
-        self.integrator.check()?;
-        if let Some(aov) = self.aovs.iter().find(|aov| !aov.is_made_by(&self.integrator)) {
-            return Err(JobError::Layer { layer: aov.name(), integrator: self.integrator.name() });
-        }
-        match self.film.sampling {
-            Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
-                return Err(JobError::Grid(n));
-            }
-            Sampling::Adaptive { n, .. } if !(2..=Sampling::MAX_GRID).contains(&n) => return Err(JobError::Grid(n)),
-            Sampling::Sampled(n) if !(1..=Sampling::MAX_SAMPLES).contains(&n) => return Err(JobError::Samples(n)),
-            Sampling::Adaptive { threshold, .. } if !(0.0..=1.0).contains(&threshold) => {
-                return Err(OutOfRange::new("threshold", format!("is {threshold}; it must be between 0 and 1")).into());
-            }
-            _ => {}
-        }
-        self.check_passes()?;
-        match self.film.filter {
-            Filter::Gaussian { sigma } if !(sigma > 0.0 && sigma <= 4.0) => {
-                let problem = format!("is {sigma}; it must be more than 0 and at most 4 pixels");
-                Err(OutOfRange::new("sigma", problem).into())
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Checks what only pictures made in passes have.
-    fn check_passes(&self) -> Result<(), JobError> {
-        for (name, value) in [("noise", self.noise), ("clamp", self.clamp)] {
-            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
-                return Err(OutOfRange::new(name, format!("is {value}; it must be more than 0")).into());
-            }
-        }
-        if self.first_sample.checked_add(self.sample_count()).is_none_or(|end| end > Sampling::MAX_SAMPLES) {
-            let problem = format!("is {}, so that samples pass number {}", self.first_sample, Sampling::MAX_SAMPLES);
-            return Err(OutOfRange::new("first-sample", problem).into());
-        }
-        let made_of_one_number = self.film.sampler == SamplerKind::BlueNoise;
-        let why = match self.passes() {
-            Ok(()) if made_of_one_number && (self.noise.is_some() || self.first_sample > 0) => BLUE_NOISE,
-            Ok(()) => return Ok(()),
-            Err(why) => why,
-        };
-        let what = match (self.aovs.iter().find(|aov| aov.is_of_samples()), self.noise, self.clamp) {
-            (Some(aov), ..) => aov.name(),
-            (_, Some(_), _) => "noise",
-            (_, _, Some(_)) => "clamp",
-            _ if self.first_sample > 0 => "first-sample",
-            _ => return Ok(()),
-        };
-        Err(JobError::NotInPasses { what, why })
-    }
-
-    /// Whether the picture is made in passes, each of which adds samples to its pixels, or why it isn't. Samples then
-    /// don't depend on how many there will be.
-    ///
-    /// # Errors
-    /// The reason, as the end of a sentence.
-    pub fn passes(&self) -> Result<(), &'static str> {
-        match (self.integrator, self.film.sampling, self.film.sampler, self.film.filter) {
-            (Integrator::Path(_), Sampling::Center | Sampling::Sampled(1), ..) => Ok(()),
-            (Integrator::Path(_), Sampling::Sampled(_), SamplerKind::Jittered, _) => {
-                Err("the jittered sampler needs to know the number of samples first")
-            }
-            (Integrator::Path(_), Sampling::Sampled(_), _, Filter::Mitchell) => {
-                Err("the mitchell filter needs to know the number of samples first")
-            }
-            (Integrator::Path(_), Sampling::Sampled(_), ..) => Ok(()),
-            (Integrator::Path(_), ..) => Err("its rays stand on a grid; --samples without --pattern does without"),
-            _ => Err("only the path integrator makes such"),
         }
     }
 
     /// The number of samples of each pixel; for adaptive sampling, of a refined one.
     pub(crate) fn sample_count(&self) -> u32 {
         self.film.sampling.count()
-    }
-
-    /// This job with its camera relative to the world's origin, if that isn't zero.
-    pub(crate) fn relative_to(&self, world: &World) -> Option<Job> {
-        let origin = world.origin();
-        (origin != DVec3::ZERO).then(|| Job { camera: self.camera.relative_to(origin), ..self.clone() })
-    }
-
-    /// How the picture is developed for display.
-    pub fn developing(&self) -> Developing {
-        self.film.developing(&self.integrator)
-    }
-
-    /// The job of a small picture of all that the camera sees, in which
-    /// [`Exposure::Auto`](crate::scene::Exposure::Auto) is metered. It depends on neither crop, samples nor seed. All
-    /// pictures of a scene have one exposure so: parts, previews, pixels that are explained, and pictures that are
-    /// added up.
-    pub fn metering(&self) -> Job {
-        /// The longer side in pixels, and the rays of a pixel.
-        const SIDE: u32 = 48;
-        const SAMPLES: u32 = 32;
-        let [width, height] = self.camera.size().map(f64::from);
-        let share = f64::from(SIDE) / width.max(height);
-        let size = [width, height].map(|side| ((side * share).round() as u32).max(1));
-        let sampling = Sampling::Sampled(SAMPLES);
-        let film = FilmSettings { sampling, alpha: self.film.alpha, ..FilmSettings::default() };
-        let mut integrator = self.integrator;
-        if let Some(path) = integrator.path_mut() {
-            // Learning would take longer than the picture.
-            path.guiding = Guiding::Off;
-        }
-        let camera = self.camera.resized(size);
-        Job { frame: self.frame, tile: 8, clamp: self.clamp, ..Job::new(camera, film, integrator) }
     }
 
     /// Whether it is asked how much of the background each pixel hides.

@@ -1,6 +1,7 @@
 //! Observers of a render.
 
 use crate::film::{NoiseOutlook, Picture};
+use crate::math::Rgb;
 use std::fmt;
 use std::ops::ControlFlow;
 
@@ -13,6 +14,8 @@ pub trait Observer: Sync {
     }
     /// Reports the progress after each tile.
     fn progress(&self, _progress: &Progress) {}
+    /// Reports a finished tile with its pixels. Other threads wait meanwhile, so it should take little time.
+    fn tile_finished(&self, _tile: &FinishedTile<'_>) {}
     /// Reports that a pass over the picture has ended, for pictures that are made in passes of samples. One thread
     /// calls it, and no other one works meanwhile. If it breaks, the picture is complete as it is.
     fn pass_ended(&self, _progress: &PassProgress<'_>) -> ControlFlow<()> {
@@ -35,6 +38,33 @@ pub struct Progress {
     pub pixels: u64,
     /// The number of rays traced so far.
     pub rays: u64,
+}
+
+/// A tile of the picture so far. In a progressive picture it may get more samples in later passes.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct FinishedTile<'a> {
+    /// x and y from the whole picture's upper left corner, width and height, in pixels.
+    pub area: [u32; 4],
+    picture: &'a Picture,
+    corner: [u32; 2],
+}
+
+impl<'a> FinishedTile<'a> {
+    /// The tile with this area of a picture whose upper left corner is pixel `corner`.
+    pub(crate) fn of(picture: &'a Picture, corner: [u32; 2], area: [u32; 4]) -> FinishedTile<'a> {
+        FinishedTile { area, picture, corner }
+    }
+
+    /// The rows of pixels from the top, in linear light.
+    pub fn rows(&self) -> impl Iterator<Item = &'a [Rgb]> {
+        let ([x, y, width, height], [left, top]) = (self.area, self.corner);
+        let (pixels, stride) = (&self.picture.pixels, self.picture.width as usize);
+        (y - top..y - top + height).map(move |row| {
+            let start = row as usize * stride + (x - left) as usize;
+            &pixels[start..start + width as usize]
+        })
+    }
 }
 
 /// A picture after a pass of samples.

@@ -32,7 +32,7 @@ impl<'w> PlacedJob<'w> {
     pub(crate) fn with(&self, change: impl FnOnce(&mut Job)) -> PlacedJob<'w> {
         let mut job = Job::clone(&self.job);
         change(&mut job);
-        PlacedJob { world: self.world, job: Arc::new(job) }
+        PlacedJob { job: Arc::new(job), ..self.clone() }
     }
 }
 

@@ -1,14 +1,15 @@
 //! The layers of features for a denoiser: means over a few camera rays of their own, after the picture is made. So
 //! integrators know nothing of them, and pictures without them lose no time.
 
-use super::{PixelRenderer, Rendering};
-use crate::integrator::{PathTracer, PreparedPath, PreparedRayIntegrator};
-use crate::job::{Aov, Job, Observer};
+use super::Rendering;
+use crate::integrator::camera_rays::PixelRenderer;
+use crate::integrator::{PathTracer, PreparedPath, PreparedRayIntegrator, TaskQueue};
+use crate::job::{Aov, Observer, PlacedJob};
 use crate::math::Rgb;
 use crate::scene::Sampling;
 use crate::world::World;
 use glam::DVec3;
-use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// The least and the largest number of camera rays for the features of a pixel.
 const RAYS: [u32; 2] = [8, 32];
@@ -16,32 +17,33 @@ const RAYS: [u32; 2] = [8, 32];
 /// What tells the rays of features from those of the picture. So what both share is no noise.
 const SEED: u64 = 0x6665_6174_7572_6573;
 
-/// The job with the layers that integrators make, if there are others.
-pub(super) fn without_features(job: &Job) -> Option<Job> {
-    let made: Vec<Aov> = job.aovs.iter().copied().filter(|aov| !aov.is_of_denoising()).collect();
-    (made.len() < job.aovs.len()).then(|| Job { aovs: made, ..job.clone() })
-}
-
 /// Adds the layers that integrators don't make to a picture, in the order of the job. A cancelled one isn't complete.
-pub(super) fn add_layers(world: &World, job: &Job, rendering: &mut Rendering, observer: &dyn Observer) {
+pub(super) fn add_layers(job: &PlacedJob, rendering: &mut Rendering, observer: &dyn Observer) {
+    let world = job.world();
     let [left, top, width, height] = job.window();
     let mut sums = Vec::new();
     if job.aovs.iter().any(|aov| aov.is_feature()) {
         let rays = job.film.sampling.count().clamp(RAYS[0], RAYS[1]);
-        let mut job = job.clone();
-        job.film.sampling = Sampling::Sampled(rays);
-        job.seed ^= SEED;
+        let job = job.with(|job| {
+            job.film.sampling = Sampling::Sampled(rays);
+            job.seed ^= SEED;
+            job.progressive = false;
+        });
         let prepared = PreparedPath::without_lights(world);
-        let cancelled = |_| observer.cancelled();
-        let rows = (0..height).into_par_iter().map_init(
-            || {
-                let tracer = prepared.picture_worker(world, &job, &cancelled);
-                FeatureTracer { world, pixels: PixelRenderer::new(&job), tracer }
-            },
-            |tracer, y| (0..width).map(|x| tracer.pixel([left + x, top + y])).collect::<Vec<FeatureSums>>(),
-        );
-        sums = rows.collect::<Vec<_>>().into_iter().flatten().collect();
-        rendering.complete &= !observer.cancelled();
+        let queue = TaskQueue::new(observer);
+        let cancelled = |_| queue.is_stopped();
+        let new_worker = || {
+            let tracer = prepared.picture_worker(world, &job, &cancelled);
+            FeatureTracer { world, pixels: PixelRenderer::new(&job), tracer }
+        };
+        let rows = queue.collect(height as usize, new_worker, |tracer, y| {
+            let row = (0..width).map(|x| tracer.pixel([left + x, top + y as u32])).collect::<Vec<FeatureSums>>();
+            if queue.is_stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(row) }
+        });
+        match rows {
+            ControlFlow::Continue(rows) => sums = rows.into_iter().flatten().collect(),
+            ControlFlow::Break(()) => rendering.complete = false,
+        }
     }
     let mut made = std::mem::take(&mut rendering.picture.layers).into_iter();
     for aov in &job.aovs {

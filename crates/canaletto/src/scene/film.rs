@@ -1,6 +1,5 @@
 //! The sampling, reconstruction and developing of a picture.
 
-use super::Integrator;
 use crate::named;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -269,14 +268,14 @@ pub struct Developing {
 }
 
 impl FilmSettings {
-    /// How the integrator's pictures are developed.
+    /// How pictures are developed.
     ///
-    /// Path tracing has the range of real light: a room by day is far darker than its window. Its pictures are photos,
-    /// if nothing else is said: the tone is `agx`, and the exposure of a tone curve is metered. The other integrators
-    /// show a scene's own numbers: `clamp`, and 0 stops. So do pictures without a transfer curve, whose numbers are to
-    /// be read. The tones `clamp` and `scale` have 0 stops, too.
-    pub fn developing(&self, integrator: &Integrator) -> Developing {
-        let is_photo = matches!(integrator, Integrator::Path(_)) && self.transfer == Transfer::Srgb;
+    /// Path tracing is photographic, which means that it has the range of real light: a room by day is far darker than
+    /// its window. Its pictures are photos, if nothing else is said: the tone is `agx`, and the exposure of a tone curve
+    /// is metered. The other integrators show a scene's own numbers: `clamp`, and 0 stops. So do pictures without a
+    /// transfer curve, whose numbers are to be read. The tones `clamp` and `scale` have 0 stops, too.
+    pub fn developing(&self, is_photographic: bool) -> Developing {
+        let is_photo = is_photographic && self.transfer == Transfer::Srgb;
         let tone = self.tone.unwrap_or(if is_photo { Tone::Agx } else { Tone::Clamp });
         let default = if is_photo && tone.is_curve() { Exposure::Auto } else { Exposure::default() };
         Developing { exposure: self.exposure.unwrap_or(default), tone, transfer: self.transfer }

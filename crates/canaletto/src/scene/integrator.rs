@@ -1,7 +1,7 @@
 //! The integrator of a scene, and its settings.
 
 use super::{PathSettings, RadiositySettings};
-use crate::{Named, OutOfRange, named};
+use crate::{OutOfRange, named};
 use serde::{Deserialize, Serialize};
 
 /// The integrator that makes the picture, with its settings.
@@ -25,136 +25,6 @@ named!(Integrator {
     Radiosity(RadiositySettings::DEFAULT) => "radiosity": "Diffuse light by the balance of energies",
     Path(PathSettings::DEFAULT) => "path": "All light, by random paths",
 });
-
-impl Integrator {
-    /// Its settings: the words of the scene text with their values.
-    pub fn settings(&self) -> Vec<(&'static str, String)> {
-        match self {
-            Integrator::Whitted(WhittedSettings { max_depth, min_weight, stage, shadows }) => vec![
-                ("stage", stage.name().into()),
-                ("max-depth", max_depth.to_string()),
-                ("min-weight", min_weight.to_string()),
-                ("shadows", shadows.to_string()),
-            ],
-            Integrator::Zbuffer(ZbufferSettings { shading, shadows, shadow_map_size, multisampling, tolerance }) => {
-                vec![
-                    ("shading", shading.name().into()),
-                    ("shadows", shadows.name().into()),
-                    ("shadow-map-size", shadow_map_size.to_string()),
-                    ("multisampling", multisampling.to_string()),
-                    ("tolerance", tolerance.to_string()),
-                ]
-            }
-            Integrator::Radiosity(RadiositySettings { method, error, show, max_patches, light_samples }) => vec![
-                ("method", method.name().into()),
-                ("error", error.to_string()),
-                ("show", show.name().into()),
-                ("max-patches", max_patches.to_string()),
-                ("light-samples", light_samples.to_string()),
-            ],
-            Integrator::Path(PathSettings { max_depth, roulette, guiding }) => vec![
-                ("max-depth", max_depth.to_string()),
-                ("roulette", roulette.to_string()),
-                ("guiding", guiding.name().into()),
-            ],
-        }
-    }
-
-    /// The largest depth of nested rays. Camera rays have depth 1.
-    pub fn max_depth(&self) -> u32 {
-        match self {
-            Integrator::Whitted(settings) => settings.max_depth,
-            Integrator::Zbuffer(_) => 1,
-            Integrator::Radiosity(_) => WhittedSettings::DEFAULT.max_depth,
-            // A path goes on in a loop, not by calls.
-            Integrator::Path(_) => 1,
-        }
-    }
-
-    /// Whether lights that cast shadows do so.
-    pub fn has_shadows(&self) -> bool {
-        match self {
-            Integrator::Whitted(settings) => settings.shadows && settings.stage >= Stage::Shadow,
-            Integrator::Zbuffer(settings) => settings.shadows == ShadowMethod::Map,
-            Integrator::Radiosity(_) | Integrator::Path(_) => true,
-        }
-    }
-
-    /// The settings with which the classic integrator makes the most similar picture.
-    pub fn nearest_whitted(&self) -> WhittedSettings {
-        match self {
-            Integrator::Whitted(settings) => *settings,
-            Integrator::Radiosity(_) | Integrator::Path(_) => WhittedSettings::DEFAULT,
-            Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::None, .. }) => {
-                WhittedSettings { stage: Stage::Specular, ..WhittedSettings::DEFAULT }
-            }
-            Integrator::Zbuffer(ZbufferSettings { shadows: ShadowMethod::Map, .. }) => {
-                WhittedSettings { stage: Stage::Shadow, ..WhittedSettings::DEFAULT }
-            }
-        }
-    }
-
-    /// The settings of the classic integrator, if it is this one.
-    pub fn whitted(&self) -> Option<&WhittedSettings> {
-        match self {
-            Integrator::Whitted(settings) => Some(settings),
-            _ => None,
-        }
-    }
-
-    /// The settings of the z-buffer, if it is this one, to be changed.
-    pub fn zbuffer_mut(&mut self) -> Option<&mut ZbufferSettings> {
-        match self {
-            Integrator::Zbuffer(settings) => Some(settings),
-            _ => None,
-        }
-    }
-
-    /// The settings of radiosity, if it is this one.
-    pub fn radiosity(&self) -> Option<&RadiositySettings> {
-        match self {
-            Integrator::Radiosity(settings) => Some(settings),
-            _ => None,
-        }
-    }
-
-    /// The settings of radiosity, if it is this one, to be changed.
-    pub fn radiosity_mut(&mut self) -> Option<&mut RadiositySettings> {
-        match self {
-            Integrator::Radiosity(settings) => Some(settings),
-            _ => None,
-        }
-    }
-
-    /// Checks the numbers that have no check of their own in a job.
-    ///
-    /// # Errors
-    /// An [`OutOfRange`] that names the number, its value and the range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        match self {
-            Integrator::Whitted(_) => Ok(()),
-            Integrator::Zbuffer(settings) => settings.check(),
-            Integrator::Radiosity(settings) => settings.check(),
-            Integrator::Path(settings) => settings.check(),
-        }
-    }
-
-    /// The settings of the classic integrator, if it is this one, to be changed.
-    pub fn whitted_mut(&mut self) -> Option<&mut WhittedSettings> {
-        match self {
-            Integrator::Whitted(settings) => Some(settings),
-            _ => None,
-        }
-    }
-
-    /// The settings of path tracing, if it is this one, to be changed.
-    pub fn path_mut(&mut self) -> Option<&mut PathSettings> {
-        match self {
-            Integrator::Path(settings) => Some(settings),
-            _ => None,
-        }
-    }
-}
 
 impl Default for Integrator {
     fn default() -> Integrator {

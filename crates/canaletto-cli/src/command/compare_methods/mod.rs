@@ -255,8 +255,8 @@ fn check_methods(flags: &CompareMethodsFlags) -> Result<(), Failure> {
 
 /// The index of the method that the others are compared with.
 fn reference(methods: &[Method]) -> usize {
-    let whitted = methods.iter().position(|method| method.integrator.whitted().is_some());
-    let traces_rays = |method: &Method| !matches!(method.integrator, Integrator::Zbuffer(_));
+    let whitted = methods.iter().position(|method| method.job.description().whitted().is_some());
+    let traces_rays = |method: &Method| method.job.description().traces_rays();
     whitted.or(methods.iter().rposition(traces_rays)).unwrap_or(methods.len() - 1)
 }
 
@@ -292,7 +292,7 @@ impl MethodsWork<'_> {
         for method in methods {
             let Method { integrator, job, .. } = method;
             let rendering = self.watched(integrator.name(), job, |watch| {
-                let Integrator::Radiosity(settings) = &job.integrator else { return render(self.world, job, watch) };
+                let Some(settings) = job.description().radiosity() else { return render(self.world, job, watch) };
                 match RadiositySolution::solve(self.world, settings, watch) {
                     Ok(solved) => render_with_solution(self.world, job, solution.insert(Arc::new(solved)), watch),
                     Err(RadiosityError::Cancelled) => Ok(Rendering::unfinished(self.world, job)),
@@ -321,7 +321,7 @@ impl MethodsWork<'_> {
     ) -> Result<Vec<MethodComparison>, Failure> {
         let of = |index: usize| {
             let job = &methods[index].job;
-            let solution = solution.filter(|_| matches!(job.integrator, Integrator::Radiosity(_)));
+            let solution = solution.filter(|_| job.description().radiosity().is_some());
             MethodPicture { job, picture: &pictures[index], solution }
         };
         let mut comparisons = Vec::new();

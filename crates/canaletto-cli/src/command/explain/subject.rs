@@ -9,11 +9,13 @@ use crate::metering::metered;
 use crate::settings::Settings;
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, build, seen_through};
-use canaletto::explain::{ExplainError, Explainer, OutsideView, PageStyle, PathTree, PixelTree, RayTree, TextStyle};
+use canaletto::explain::{
+    ExplainError, Explainer, OutsideView, PageStyle, PathTree, PixelTree, RayTree, TextStyle, session_of_pixel,
+};
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::math::Rgb;
-use canaletto::render::Job;
-use canaletto::scene::{Extrinsics, Integrator, Intrinsics, View};
+use canaletto::render::{Job, Preparation, Session};
+use canaletto::scene::{Extrinsics, Intrinsics, View};
 use canaletto::world::World;
 use serde::Serialize;
 use std::sync::Arc;
@@ -126,8 +128,8 @@ impl<'a> Subject<'a> {
         let options = seen_through(&settings.camera, &source.scene, flags.source.build_options(0));
         let (world, _) = build(&source.name, source.scene, &options, None)?;
         let job = Job { frame: source.frame, ..settings.job };
-        let given = match (&fingerprint, &job.integrator) {
-            (Some(fingerprint), Integrator::Radiosity(settings)) => {
+        let given = match (&fingerprint, job.description().radiosity()) {
+            (Some(fingerprint), Some(settings)) => {
                 let found = solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())?;
                 Some(found.ok_or(Failure::Reported(Exit::Interrupted))?.0)
             }
@@ -142,18 +144,19 @@ impl<'a> Subject<'a> {
         Ok(Subject { flags, name: source.name, world, job, solution: given })
     }
 
-    fn explainer(&self, has_steps: bool) -> Explainer<'_> {
-        let explainer = Explainer::new(&self.world, &self.job).with_steps(has_steps);
-        self.solution.as_ref().map_or(explainer, |solution| explainer.with_solution(solution))
+    /// A session that is prepared for one pixel, or for a ray.
+    fn session(&self, pixel: [u32; 2]) -> Result<Session<'_>, ExplainError> {
+        let preparation = Preparation { solution: self.solution.as_ref(), keeps_links: true };
+        session_of_pixel(&self.world, &self.job, pixel, preparation)
     }
 
     /// The scene from outside with a tree's rays.
     pub(super) fn outside(&self, tree: &Explained) -> Result<Outside, Failure> {
-        let (explainer, levels) = (self.explainer(false), self.flags.levels);
+        let (Subject { world, job, .. }, levels) = (self, self.flags.levels);
         let view = match tree {
-            Explained::Pixel(tree) => explainer.outside(tree, levels),
-            Explained::Ray(tree) => Some(explainer.outside_ray(tree, levels)),
-            Explained::Paths(paths) => explainer.outside_path(&paths.tree, paths.chosen, levels),
+            Explained::Pixel(tree) => tree.outside(world, job, levels),
+            Explained::Ray(tree) => Some(tree.outside(world, job, levels)),
+            Explained::Paths(paths) => paths.tree.outside(world, job, paths.chosen, levels),
         };
         let image = view.as_ref().map_or(Ok(String::new()), |view| data_url(&view.picture))?;
         Ok(Outside { view, image })
@@ -161,12 +164,13 @@ impl<'a> Subject<'a> {
 
     /// The tree of the ray that the flags give, or else of the pixel. `flag` is where the pixel is from.
     pub(super) fn explained(&self, pixel: Option<[u32; 2]>, flag: &str, has_steps: bool) -> Result<Explained, Failure> {
-        let explainer = self.explainer(has_steps);
-        let traces_paths = matches!(self.job.integrator, Integrator::Path(_));
+        let traces_paths = self.job.description().traces_paths();
         self.refuse_flags_of_other_integrators(traces_paths)?;
         if let Some([ox, oy, oz, dx, dy, dz]) = self.flags.ray {
-            let ray = explainer.ray([ox, oy, oz], [dx, dy, dz]);
-            let ray = ray.map_err(|e| Failure::usage(format!("--ray: {e}")))?;
+            let session = self.session([0, 0]);
+            let explained =
+                |session: Session| Explainer::new(&session).with_steps(has_steps).ray([ox, oy, oz], [dx, dy, dz]);
+            let ray = session.and_then(explained).map_err(|e| Failure::usage(format!("--ray: {e}")))?;
             return Ok(Explained::Ray(Box::new(ray)));
         }
         let [x, y] = pixel.unwrap_or_default();
@@ -174,6 +178,8 @@ impl<'a> Subject<'a> {
         // A row outside the picture is not mirrored, so that the message shows the user's own number.
         let row = if self.flags.y_up && y < height { height - 1 - y } else { y };
         let failure = |e: ExplainError| Failure::usage(format!("{flag}: {e}"));
+        let session = self.session([x, row]).map_err(failure)?;
+        let explainer = Explainer::new(&session).with_steps(has_steps);
         if !traces_paths {
             return Ok(Explained::Pixel(Box::new(explainer.pixel(x, row).map_err(failure)?)));
         }

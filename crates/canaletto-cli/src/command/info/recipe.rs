@@ -1,9 +1,10 @@
 //! The command that makes a picture again, from the settings in its file.
 
 use crate::complete::PICTURE_TRANSFER;
-use crate::settings::ALPHA;
+use crate::settings::{ALPHA, PROGRESSIVE};
 use crate::told_developing::exposure_text;
 use canaletto::Named;
+use canaletto::integrator::describe;
 use canaletto::render::Aov;
 use canaletto::scene::{Integrator, SamplePattern};
 use canaletto_io::picture::{Decoded, PictureFormat, layer_channel_names};
@@ -33,13 +34,16 @@ impl Recipe {
         flags.with("--pattern", pattern.map(|pattern| pattern.name()));
         flags.with("--samples", samples);
         flags.with("--sampler", text("sampler"));
+        if text(PROGRESSIVE).is_some() {
+            flags.0.push("--progressive".into());
+        }
         flags.with("--seed", text("seed").filter(|seed| *seed != "0"));
         flags.with("--background", text(ALPHA).map(|_| "none"));
         flags.with("--exposure", exposure_text(&decoded.metadata));
         flags.with("--tone", text("tone"));
         flags.with("--transfer", text(PICTURE_TRANSFER).or(text("transfer")));
         flags.with("--integrator", text("integrator"));
-        if text("integrator").and_then(Integrator::from_name).is_some_and(|own| own.whitted().is_some()) {
+        if text("integrator").and_then(Integrator::from_name).is_some_and(|own| describe(&own).whitted().is_some()) {
             flags.with("--stage", text("stage"));
             flags.with("--max-depth", text("max-depth"));
         }

@@ -16,6 +16,7 @@ use crate::settings::{Settings, classic, sampling_words};
 use crate::source::{Reader, build, on_threads, seen_through};
 use crate::stdout::{print, print_json};
 use crate::watched::watched;
+use canaletto::integrator::describe;
 use canaletto::ladder::{Rung, has_textures, without_textures};
 use canaletto::render::{Job, render};
 use canaletto::world::World;
@@ -106,7 +107,7 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
     flags.messages.warn(&source.warnings);
     let (name, scene, frame) = (source.name, source.scene, source.frame);
-    let replaced_integrator = scene.integrator.whitted().is_none().then(|| scene.integrator.name());
+    let replaced_integrator = describe(&scene.integrator).whitted().is_none().then(|| scene.integrator.name());
     let settings = Settings::new(&name, &scene, &classic(&flags.picture, &scene)?)?;
     let job = Job { frame, ..settings.job };
     let file = output.path(frame);

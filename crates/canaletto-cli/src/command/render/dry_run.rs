@@ -48,13 +48,13 @@ pub(super) fn dry_run(
         }));
         return Ok(Exit::Done);
     }
-    let light = match job.integrator.whitted() {
+    let light = match job.description().whitted() {
         Some(settings) => {
             let shadows = if settings.shadows { "shadows" } else { "no shadows" };
             format!("stage {}, depth {}, {shadows}", settings.stage.name(), settings.max_depth)
         }
         None => {
-            let settings = job.integrator.settings().into_iter().map(|(word, value)| format!("{word} {value}"));
+            let settings = job.description().settings().into_iter().map(|(word, value)| format!("{word} {value}"));
             format!("{}, {}", job.integrator.name(), settings.collect::<Vec<_>>().join(", "))
         }
     };

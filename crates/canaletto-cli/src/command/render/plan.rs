@@ -9,6 +9,7 @@ use crate::progress::Style;
 use crate::shooting_steps::StepPictures;
 use crate::source::Reader;
 use canaletto::Named;
+use canaletto::integrator::layers_of;
 use canaletto::render::Aov;
 use canaletto_io::movie::Rate;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,8 @@ impl Plan {
                         Some(integrator) => integrator,
                         None => reader.at(frames.first)?.scene.integrator,
                     };
-                    let all = Aov::made_by(&integrator).into_iter();
+                    let is_progressive = flags.picture.progressive || flags.passes.given().is_some();
+                    let all = layers_of(&integrator, is_progressive).into_iter();
                     all.filter(|aov| !aov.is_of_denoising()).collect()
                 }
                 Layers::One(aov) => vec![*aov],

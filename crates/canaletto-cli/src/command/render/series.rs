@@ -28,7 +28,7 @@ use crate::told_developing::METERED_EXPOSURE;
 use canaletto::film::metered_exposure;
 use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
-use canaletto::scene::{Integrator, Sampling, Scene};
+use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
@@ -529,7 +529,7 @@ impl<'a> Series<'a> {
         observer: &dyn Observer,
     ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
         let failed = |e: JobError| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name));
-        let (Some(fingerprint), Integrator::Radiosity(settings)) = (&frame_context.fingerprint, &job.integrator) else {
+        let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
             return Ok((render(world, job, observer).map_err(failed)?, None));
         };
         let name = &self.reader.name;

@@ -20,6 +20,7 @@ use super::validate::Validator;
 use crate::assets::Assets;
 use crate::import::DEFAULT_SAMPLING;
 use canaletto::Named;
+use canaletto::integrator::describe;
 use canaletto::material::Material;
 use canaletto::math::Rgb;
 use canaletto::scene::{self, Content, Integrator, Sampling, Scene, Stage, View};
@@ -71,19 +72,11 @@ pub(crate) fn decode(
     (decoder.valid.then_some(decoder.scene), decoder.validator.report)
 }
 
-/// The number of paths in a pixel of a scene that says nothing of it. A noisy preview takes seconds.
-const DEFAULT_PATHS: u32 = 64;
-
-/// The sampling of a scene that says nothing of it. The samples of a z-buffer have equal places in all pixels. Paths
-/// differ everywhere, so that no pixel may have fewer.
+/// The sampling of a scene that says nothing of it.
 fn default_sampling(nodes: &[Node]) -> Sampling {
     let integrator = nodes.iter().rev().find(|node| *node.name == *INTEGRATOR.name);
     let kind = integrator.and_then(|node| node.values.first()?.as_text());
-    match (kind.and_then(Integrator::from_name), DEFAULT_SAMPLING) {
-        (Some(Integrator::Zbuffer(_)), Sampling::Adaptive { n, .. }) => Sampling::Regular(n),
-        (Some(Integrator::Path(_)), _) => Sampling::Sampled(DEFAULT_PATHS),
-        (_, sampling) => sampling,
-    }
+    describe(&kind.and_then(Integrator::from_name).unwrap_or_default()).default_sampling(DEFAULT_SAMPLING)
 }
 
 /// The cameras of these nodes, as far as they are valid; mistakes in them are not reported.
@@ -242,11 +235,11 @@ impl Decoder<'_> {
 
     /// Warns of surfaces that are black, in a scene without lights.
     fn warn_of_black_surfaces(&mut self) {
-        if matches!(self.scene.integrator, Integrator::Path(_)) {
+        if describe(&self.scene.integrator).traces_paths() {
             return self.warn_of_darkness();
         }
         let is_lit = self.scene.environment.as_ref().is_some_and(|around| around.ambient || around.has_sun());
-        let stage = self.scene.integrator.whitted().map_or(Stage::Unlit, |settings| settings.stage);
+        let stage = describe(&self.scene.integrator).whitted().map_or(Stage::Unlit, |settings| settings.stage);
         if is_lit || self.scene.ambient != Rgb::BLACK || stage == Stage::Unlit {
             return;
         }

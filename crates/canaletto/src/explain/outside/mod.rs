@@ -10,8 +10,10 @@ mod svg;
 use super::light_text::by_light;
 use super::tree::{LightNode, Outcome, RayNode};
 use super::tree_svg::drawn_rays;
+use super::{PathTree, PixelTree, RayTree};
 use crate::camera::Camera;
 use crate::integrator::RayKind;
+use crate::job::Job;
 use crate::math::Rgb;
 use crate::world::World;
 use choice::ViewAxes;
@@ -98,6 +100,32 @@ struct Contents {
     origin: DVec3,
     /// The points that the view contains.
     framed: Vec<DVec3>,
+}
+
+impl PixelTree {
+    /// The scene from outside with the rays that [`PixelTree::svg`] draws for this number of levels. None for a tree
+    /// without samples.
+    pub fn outside(&self, world: &World, job: &Job, levels: Option<u32>) -> Option<OutsideView> {
+        let sample = self.samples.get(self.nearest_to_mean())?;
+        let time = sample.time.unwrap_or(0.0);
+        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &sample.ray, levels))
+    }
+}
+
+impl PathTree {
+    /// The scene from outside with the rays that [`PathTree::svg`] draws for this sample.
+    pub fn outside(&self, world: &World, job: &Job, chosen: Option<usize>, levels: Option<u32>) -> Option<OutsideView> {
+        let sample = self.samples.get(chosen.or_else(|| self.nearest_to_mean())?)?;
+        let time = sample.time.unwrap_or(0.0);
+        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &sample.as_tree()?, levels))
+    }
+}
+
+impl RayTree {
+    /// The scene from outside with the rays that [`RayTree::svg`] draws.
+    pub fn outside(&self, world: &World, job: &Job, levels: Option<u32>) -> OutsideView {
+        OutsideView::new(world, &job.camera.at(0.0), 0.0, &self.ray, levels)
+    }
 }
 
 impl OutsideView {

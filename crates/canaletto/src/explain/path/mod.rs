@@ -7,19 +7,14 @@ mod tests;
 mod text;
 
 use super::developed::DevelopedNode;
+use super::summing::Summing;
 use super::tree::Side;
-use super::{ExplainError, MAX_RAYS};
-use crate::film::{BlockMean, SampleBlocks, SampleStatistics, WeightedSum, block_sizes};
 use crate::integrator::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
-use crate::integrator::{PreparedRayIntegrator, RayIntegrator};
 use crate::material::Lobe;
 use crate::math::{Rgb, saturate};
-use crate::render::{Job, PixelRenderer, prepare_path};
-use crate::scene::Integrator;
-use crate::world::World;
-use record::PathRecorder;
+use crate::render::Job;
+pub(super) use record::PathRecorder;
 use serde::Serialize;
-use std::ops::ControlFlow;
 
 /// A pixel with the paths of its samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -39,28 +34,6 @@ pub struct PathTree {
     pub color: Rgb,
     /// The colour's way into a file.
     pub developed: DevelopedNode,
-}
-
-/// How a pixel is made of its samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Summing {
-    /// The mean over blocks of samples ([`SampleBlocks`]). Samples are numbered from `first` on.
-    Blocks { first: u32, clamp: Option<f32> },
-    /// The weighted mean.
-    Weights,
-}
-
-/// The mean of samples with these numbers as a picture in passes has it.
-fn mean_of_blocks(colors: &mut [Rgb], first: u32, clamp: Option<f32>) -> Rgb {
-    SampleStatistics::default().check(colors, clamp, [0, 0], first);
-    let mut blocks = SampleBlocks::new([1, 1], first, false);
-    let mut start = 0;
-    for size in block_sizes(first, first + colors.len() as u32) {
-        let end = start + size as usize;
-        blocks.push(0, size, BlockMean::of_samples(&mut colors[start..end]));
-        start = end;
-    }
-    blocks.mean(0)
 }
 
 /// One path with its weight in the pixel.
@@ -249,64 +222,30 @@ pub struct SampledNode {
     sample: SourceSample,
 }
 
-/// Explains a pixel of path tracing. The job's camera is relative to the world's origin.
-///
-/// # Errors
-/// [`ExplainError`] if the job's integrator traces no paths, and if there are too many rays.
-pub(super) fn path_tree(world: &World, job: &Job, pixel: [u32; 2]) -> Result<PathTree, ExplainError> {
-    let Integrator::Path(settings) = job.integrator else { return Err(ExplainError::NoPaths) };
-    let ControlFlow::Continue(prepared) = prepare_path(world, job, settings, &()) else {
-        return Err(ExplainError::TooManyRays);
-    };
-    let is_too_much = |rays: u64| rays > MAX_RAYS;
-    let mut tracer = prepared.picture_worker(world, job, &is_too_much);
-    let mut recorder = PathRecorder::new(world);
-    let mut sum = WeightedSum::default();
-    let mut renderer = PixelRenderer::new(job);
-    let (first, end) = (job.first_sample, job.first_sample + job.sample_count());
-    let is_in_passes = job.passes().is_ok();
-    let mut colors = Vec::new();
-    if is_in_passes {
-        renderer.block_with_probe(&mut tracer, pixel, [first, end - first], &mut recorder, &mut colors);
-    } else {
-        renderer.pixel(&mut tracer, pixel, &mut recorder, &mut sum);
-    }
-    if tracer.is_cancelled() {
-        return Err(ExplainError::TooManyRays);
-    }
-    let ([x, y], [width, height]) = (pixel, job.camera.size());
-    let summing = if is_in_passes { Summing::Blocks { first, clamp: job.clamp } } else { Summing::Weights };
-    let color = if is_in_passes { mean_of_blocks(&mut colors, first, job.clamp) } else { sum.mean() };
-    let samples = recorder.into_samples();
-    let alpha = job.film.alpha.then(|| {
-        let weights: f64 = samples.iter().map(|sample| sample.weight).sum();
-        let alphas = samples.iter().map(|sample| sample.weight * f64::from(sample.alpha.unwrap_or(1.0)));
-        saturate((alphas.sum::<f64>() / weights) as f32)
-    });
-    Ok(PathTree {
-        summing,
-        pixel,
-        chapter_pixel: [x, height - 1 - y],
-        size: [width, height],
-        samples,
-        color,
-        developed: DevelopedNode::new(color, alpha, &job.developing()),
-    })
-}
-
 impl PathTree {
+    /// The tree of a pixel's recorded paths.
+    pub(super) fn new(job: &Job, [x, y]: [u32; 2], recorder: PathRecorder, color: Rgb) -> PathTree {
+        let ([width, height], samples) = (job.camera.size(), recorder.into_samples());
+        let alpha = job.film.alpha.then(|| {
+            let weights: f64 = samples.iter().map(|sample| sample.weight).sum();
+            let alphas = samples.iter().map(|sample| sample.weight * f64::from(sample.alpha.unwrap_or(1.0)));
+            saturate((alphas.sum::<f64>() / weights) as f32)
+        });
+        PathTree {
+            summing: Summing::of(job),
+            pixel: [x, y],
+            chapter_pixel: [x, height - 1 - y],
+            size: [width, height],
+            samples,
+            color,
+            developed: DevelopedNode::new(color, alpha, &job.developing()),
+        }
+    }
+
     /// The pixel's colour from its factors: every product and sum is repeated in the picture's order. Equal to `color`
     /// bit for bit.
     pub fn sum(&self) -> Rgb {
-        let mut colors: Vec<Rgb> = self.samples.iter().map(PathSample::sum).collect();
-        match self.summing {
-            Summing::Blocks { first, clamp } => mean_of_blocks(&mut colors, first, clamp),
-            Summing::Weights => {
-                let mut sum = WeightedSum::default();
-                colors.iter().zip(&self.samples).for_each(|(color, sample)| sum.add(*color, sample.weight));
-                sum.mean()
-            }
-        }
+        self.summing.color(self.samples.iter().map(|sample| (sample.sum(), sample.weight)))
     }
 
     /// The index of the sample that adds most to the pixel.

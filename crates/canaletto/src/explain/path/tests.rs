@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::explain::{Explainer, TextStyle};
+use crate::explain::{ExplainError, Explainer, TextStyle};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni, SphereLight};
 use crate::material::{Conductor, Dielectric, Material, Medium, Phong, StandardSurface, StandardTransmission};
-use crate::render::render;
+use crate::render::{Preparation, Session, render};
 use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, Sampling, Scene};
 use crate::shape::{Cuboid, Disk, Shape, Sphere};
+use crate::world::World;
 use glam::Vec3;
 
 /// A room with everything that paths meet.
@@ -71,8 +72,9 @@ fn the_factors_of_all_paths_make_the_picture() {
     for samples in [1, 3, 8] {
         let job = job(samples);
         let picture = render(&world, &job, &()).unwrap().picture;
+        let session = Session::open(&world, &job, Preparation::default()).unwrap();
         for (x, y) in (0..24).flat_map(|x| (0..16).map(move |y| (x, y))) {
-            let tree = Explainer::new(&world, &job).paths(x, y).unwrap();
+            let tree = Explainer::new(&session).paths(x, y).unwrap();
             let bits = |color: Rgb| color.to_array().map(f32::to_bits);
             assert_eq!(bits(tree.color), bits(picture.pixel(x, y)), "{x}, {y}");
             assert_eq!(bits(tree.sum()), bits(tree.color), "{x}, {y}\n{tree}");
@@ -112,7 +114,8 @@ fn the_factors_of_all_paths_make_the_picture() {
 fn texts_and_drawings_show_the_chosen_path() {
     let world = World::build(scene()).unwrap();
     let job = job(8);
-    let explainer = Explainer::new(&world, &job);
+    let session = Session::open(&world, &job, Preparation::default()).unwrap();
+    let explainer = Explainer::new(&session);
     let tree = explainer.paths(12, 8).unwrap();
     let brightest = tree.brightest().unwrap();
     let all = |a: &PathSample, b: &PathSample| a.value() >= b.value();
@@ -121,7 +124,7 @@ fn texts_and_drawings_show_the_chosen_path() {
     assert!(text.contains(&format!("path {} of 8", brightest + 1)) && text.contains("equal, bit for bit"), "{text}");
     assert_eq!(text.matches("camera ray through").count(), 1, "{text}");
     assert_eq!(tree.to_string().matches("camera ray through").count(), 8);
-    let outside = explainer.outside_path(&tree, Some(brightest), None).unwrap();
+    let outside = tree.outside(&world, &job, Some(brightest), None).unwrap();
     let svg = tree.svg(Some(brightest), None, Some((&outside, "data:,"))).unwrap();
     assert!(svg.contains("path ") && svg.ends_with("</svg>\n"));
     assert_eq!(explainer.paths(24, 0).unwrap_err().to_string().split(' ').next(), Some("pixel"));
@@ -131,5 +134,6 @@ fn texts_and_drawings_show_the_chosen_path() {
 fn other_integrators_have_no_paths() {
     let world = World::build(scene()).unwrap();
     let job = Job { integrator: crate::scene::WhittedSettings::DEFAULT.into(), ..job(1) };
-    assert_eq!(Explainer::new(&world, &job).paths(0, 0), Err(ExplainError::NoPaths));
+    let session = Session::open(&world, &job, Preparation::default()).unwrap();
+    assert_eq!(Explainer::new(&session).paths(0, 0), Err(ExplainError::NoPaths));
 }

@@ -13,6 +13,7 @@
 
 #[cfg(test)]
 mod clear_tests;
+mod description;
 mod direct;
 mod emitter;
 #[cfg(test)]
@@ -32,6 +33,7 @@ mod stream;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod training;
 mod vertex;
 
 use super::media::Media;
@@ -46,7 +48,7 @@ use crate::world::{OccluderCache, World};
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
-pub(crate) use guiding::{GuidingField, GuidingRecord, GuidingRecorder};
+use guiding::{GuidingField, GuidingRecord, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use opaque8::OpaqueMaterials;

@@ -20,6 +20,7 @@ mod cluster;
 #[cfg(test)]
 mod curved_tests;
 mod cuts;
+mod description;
 mod emitters;
 mod exchange;
 mod file;

@@ -153,6 +153,10 @@ fn second_pass(show: RadiosityShow) -> WhittedSettings {
 impl PreparedRayIntegrator for PreparedRadiosity {
     type Worker<'a> = Whitted<'a>;
 
+    fn radiosity(&self) -> Option<&PreparedRadiosity> {
+        Some(self)
+    }
+
     fn preparation_counts(&self) -> Counts {
         let solution = &self.shown.solution;
         let mut others = vec![("patches", solution.patches().len() as u64), ("links", solution.links as u64)];

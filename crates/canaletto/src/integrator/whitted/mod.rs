@@ -8,6 +8,7 @@
 //! the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the largest
 //! number ([`Rgb::saturated`]), so no colour is infinite or NaN.
 
+mod description;
 mod direct;
 mod interaction;
 mod ray_state;

@@ -2,8 +2,8 @@
 
 use super::facets::corners;
 use crate::camera::Camera;
-use crate::diagnose::Omission;
-use crate::job::Job;
+use crate::integrator::Omission;
+use crate::job::PlacedJob;
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
 use canaletto_bvh::{Aabb, Ray};
 use glam::DVec3;
@@ -21,8 +21,8 @@ struct Cut {
 }
 
 /// What the planes that a camera gives cut away. Objects are found by rays, and small ones by their bounds.
-pub(super) fn cut_away(world: &World, job: &Job) -> Vec<Omission> {
-    let camera = job.camera.at(0.0).relative_to(world.origin());
+pub(super) fn cut_away(job: &PlacedJob) -> Vec<Omission> {
+    let (world, camera) = (job.world(), job.camera.at(0.0));
     let planes = [camera.near_plane(), camera.far_plane()];
     if planes == [None; 2] {
         return Vec::new();

@@ -2,9 +2,10 @@
 
 use super::fragment::VisibleTriangle;
 use super::raster::ScreenTriangle;
-use super::{PixelPart, Zbuffer, ZbufferWorker, background, differential, refine};
+use super::{DrawnSamples, PixelPart, Zbuffer, ZbufferWorker};
+use super::{background, differential, draws_sample_by_sample, refine};
 use crate::film::WeightedSum;
-use crate::integrator::{Cancelled, Probe, RayKind};
+use crate::integrator::{Probe, RayKind};
 use crate::math::Rgb;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -79,89 +80,95 @@ pub enum RivalFate {
     Hole,
 }
 
-/// Explains pixels of a z-buffer's picture, those of one tile together.
-pub(crate) struct ZbufferExplainer<'a> {
-    worker: ZbufferWorker<'a>,
-    /// The tile that is drawn: its area, its number and the parts of its pixels.
-    tile: Option<DrawnTile>,
-}
-
-struct DrawnTile {
+/// A tile that is drawn to explain its pixels: its area, its number and the parts of its pixels.
+pub(super) struct ExplainedTile {
     area: [u32; 4],
     number: usize,
     parts: Vec<PixelPart>,
 }
 
-impl<'a> ZbufferExplainer<'a> {
-    pub(crate) fn new(zbuffer: &'a Zbuffer<'a>, cancelled: Cancelled<'a>) -> ZbufferExplainer<'a> {
-        ZbufferExplainer { worker: zbuffer.own_worker(cancelled), tile: None }
-    }
-
-    /// Draws the tile of a pixel, unless it is drawn. Breaks if cancelled.
-    fn draw_tile(&mut self, [x, y]: [u32; 2]) -> ControlFlow<()> {
-        if self.tile.as_ref().is_some_and(|tile| tile.has([x, y])) {
-            return ControlFlow::Continue(());
+impl ZbufferWorker<'_> {
+    /// Makes a pixel of the job's window for a probe, one sample for each shaded fragment.
+    pub(super) fn explain(
+        &mut self,
+        pixel: [u32; 2],
+        probe: &mut dyn Probe,
+        add: &mut dyn FnMut(Rgb, f64),
+    ) -> ControlFlow<()> {
+        let job = &self.zbuffer.job;
+        if !draws_sample_by_sample(job) {
+            return self.explain_samples(pixel, probe, add);
         }
-        let Zbuffer { job, screen, .. } = self.worker.zbuffer;
-        let ([left, top, width, height], side) = (job.window(), screen.side as u32);
-        let corner = [left + (x - left) / side * side, top + (y - top) / side * side];
-        let area = [corner[0], corner[1], side.min(left + width - corner[0]), side.min(top + height - corner[1])];
-        self.tile = None;
-        let number = self.worker.draw(area)?;
-        let parts = self.worker.parts(area);
-        self.worker.lookup.prepare(number, &parts);
-        self.tile = Some(DrawnTile { area, number, parts });
+        for index in job.first_sample..job.first_sample + job.sample_count() {
+            self.samples = DrawnSamples::of(self.zbuffer, index);
+            self.explained = None;
+            // A sample is one colour in the picture, whatever its fragments are.
+            let mut sum = WeightedSum::default();
+            self.explain_samples(pixel, probe, &mut |color, weight| sum.add(color, weight))?;
+            add(sum.mean(), 1.0);
+        }
         ControlFlow::Continue(())
     }
 
-    /// Renders a pixel of the job's window for a probe, one sample for each shaded fragment. Returns what each sample
-    /// shows; what is hidden is listed if `with_rivals`. The colours are added to `sum`. Breaks if cancelled.
-    pub(crate) fn pixel<P: Probe + ?Sized>(
+    /// Draws the tile of a pixel, unless it is drawn.
+    fn draw_tile(&mut self, [x, y]: [u32; 2]) -> ControlFlow<(), ExplainedTile> {
+        if let Some(tile) = self.explained.take().filter(|tile| tile.has([x, y])) {
+            return ControlFlow::Continue(tile);
+        }
+        let Zbuffer { job, screen, .. } = self.zbuffer;
+        let ([left, top, width, height], side) = (job.window(), screen.side as u32);
+        let corner = [left + (x - left) / side * side, top + (y - top) / side * side];
+        let area = [corner[0], corner[1], side.min(left + width - corner[0]), side.min(top + height - corner[1])];
+        let number = self.draw(area)?;
+        let parts = self.parts(area);
+        self.lookup.prepare(number, &parts);
+        ControlFlow::Continue(ExplainedTile { area, number, parts })
+    }
+
+    fn explain_samples(
         &mut self,
         pixel: [u32; 2],
-        with_rivals: bool,
-        probe: &mut P,
-        sum: &mut WeightedSum,
-    ) -> ControlFlow<(), Vec<RasterNode>> {
-        self.draw_tile(pixel)?;
-        let Some(tile) = &self.tile else { return ControlFlow::Break(()) };
-        let (zbuffer, worker) = (self.worker.zbuffer, &self.worker);
-        let mut nodes = Vec::new();
+        probe: &mut dyn Probe,
+        add: &mut dyn FnMut(Rgb, f64),
+    ) -> ControlFlow<()> {
+        let tile = self.draw_tile(pixel)?;
+        let zbuffer = self.zbuffer;
         for part in tile.parts_of(pixel) {
-            let node = raster_node(worker, tile.number, part, with_rivals);
-            let Some(visible) = worker.lookup.visible(tile.number, part) else {
+            let node = raster_node(self, tile.number, part, probe.lists_rivals());
+            let Some(visible) = self.lookup.visible(tile.number, part) else {
                 let line = zbuffer.camera.line(part.place[0], part.place[1]);
                 probe.sample(part.place, part.share);
                 probe.alpha(0.0);
                 probe.drawn(None, None);
+                probe.raster(&node);
                 probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
-                let differential = differential(zbuffer, part.place);
+                let differential = differential(zbuffer, part.place, self.samples.spacing);
                 let color = match zbuffer.job.film.alpha {
                     true => Rgb::BLACK,
                     false => background(zbuffer.world, line.direction, differential.as_ref(), probe),
                 };
                 probe.miss(color);
                 probe.end(color);
-                sum.add(color, part.share);
-                nodes.push(node);
+                add(color, part.share);
                 continue;
             };
-            let mut whitted = zbuffer.whitted(worker.cancelled);
+            let mut whitted = zbuffer.whitted(self.cancelled);
             let line = zbuffer.camera.line(part.place[0], part.place[1]);
             let seen = (line, visible.hit(&line));
-            worker.lookup.fragments_of(part, &visible, seen, tile.area, |weight, fragment| {
+            self.lookup.fragments_of(part, &visible, seen, (tile.area, &self.samples), |weight, fragment| {
                 probe.sample(part.place, weight);
                 probe.alpha(1.0);
                 probe.drawn(None, None);
-                sum.add(whitted.shade_fragment(&fragment, probe), weight);
-                nodes.push(node.clone());
+                probe.raster(&node);
+                add(whitted.shade_fragment(&fragment, probe), weight);
             });
         }
-        ControlFlow::Continue(nodes)
+        self.explained = Some(tile);
+        ControlFlow::Continue(())
     }
 }
 
-impl DrawnTile {
+impl ExplainedTile {
     fn has(&self, [x, y]: [u32; 2]) -> bool {
         let [left, top, width, height] = self.area;
         (left..left + width).contains(&x) && (top..top + height).contains(&y)
@@ -179,7 +186,8 @@ impl DrawnTile {
 
 /// What a part shows, and its rivals if they are wanted.
 fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart, with_rivals: bool) -> RasterNode {
-    let Zbuffer { world, binned, sites, camera, far_depth, .. } = worker.zbuffer;
+    let Zbuffer { world, binned, camera, far_depth, .. } = worker.zbuffer;
+    let sites = &worker.samples.sites;
     let name = |triangle: &ScreenTriangle| world.object(&triangle.source.hit(0.0, [0.0; 2], 0)).name.clone();
     let [x, y] = part.place;
     let depth_of = |triangle: &ScreenTriangle, visible: Option<&VisibleTriangle>| {

@@ -11,6 +11,7 @@
 mod clip;
 mod cut_away;
 mod depth_range;
+mod description;
 mod explain;
 mod facets;
 mod fragment;
@@ -24,25 +25,27 @@ mod triangle_hits;
 mod triangle_setup;
 mod unshaded_view;
 
+use super::camera_rays::progressive_spacing;
+use super::prepared::{RayWatcher, TileBlock};
 use super::visible_hit::background;
 use super::whitted::{Fragment, Whitted};
-use super::{Cancelled, Counts, FirstHit, TileIntegrator, TileWorker};
+use super::{Cancelled, Counts, FirstHit, IntegratorWorker, PreparedIntegrator, Probe};
 use crate::camera::Camera;
-use crate::film::TileBuffer;
-use crate::job::{Aov, Job, JobError, Observer};
+use crate::film::{TileBuffer, WeightedSum};
+use crate::job::{Aov, Job, JobError, Observer, PlacedJob};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{FrameSampler, Sample};
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, World};
 use depth_range::{DepthRange, view_bounds};
-pub(crate) use explain::ZbufferExplainer;
+use explain::ExplainedTile;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use facets::Tolerance;
 use fragment::{FacetCache, VisibleTriangle};
 use geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
 use glam::DVec3;
 pub(crate) use item_buffer::{Item, ItemView};
-pub(crate) use omissions::omissions;
+use omissions::omissions;
 use projection::Projection;
 use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::ShadowMaps;
@@ -63,7 +66,7 @@ const BATCH: usize = 256;
 /// The z-buffer, prepared for one picture: all triangles in their tiles.
 pub(crate) struct Zbuffer<'w> {
     world: &'w World,
-    job: &'w Job,
+    job: PlacedJob<'w>,
     settings: ZbufferSettings,
     /// The camera at rest, without its lens.
     camera: Camera,
@@ -86,13 +89,12 @@ impl<'w> Zbuffer<'w> {
     /// # Errors
     /// [`JobError::ShadowMaps`] if the shadow maps would take too much memory.
     pub(crate) fn prepare(
-        world: &'w World,
-        job: &'w Job,
+        job: &PlacedJob<'w>,
         settings: ZbufferSettings,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), Zbuffer<'w>>, JobError> {
-        Self::check(world, &settings)?;
-        Ok(Self::project(world, job, settings, observer))
+        Self::check(job.world(), &settings)?;
+        Ok(Self::project(job, settings, observer))
     }
 
     /// Checks the memory of the shadow maps.
@@ -110,11 +112,11 @@ impl<'w> Zbuffer<'w> {
     }
 
     fn project(
-        world: &'w World,
-        job: &'w Job,
+        job: &PlacedJob<'w>,
         settings: ZbufferSettings,
         observer: &dyn Observer,
     ) -> ControlFlow<(), Zbuffer<'w>> {
+        let world = job.world();
         let camera = job.camera.at(0.0);
         let size = camera.size().map(f64::from);
         let range = DepthRange::new(world, &camera);
@@ -152,7 +154,7 @@ impl<'w> Zbuffer<'w> {
         };
         ControlFlow::Continue(Zbuffer {
             world,
-            job,
+            job: job.clone(),
             settings,
             far_depth: projection.far_depth as f32,
             camera,
@@ -168,8 +170,12 @@ impl<'w> Zbuffer<'w> {
     }
 }
 
-/// The places of a pixel's samples, and whether each is shaded by itself.
+/// The places of a pixel's samples, and whether each is shaded by itself. Those of a progressive picture are chosen one
+/// by one from the whole pixel.
 fn sites(job: &Job, settings: &ZbufferSettings) -> (Sites, bool) {
+    if draws_sample_by_sample(job) {
+        return (Sites::new([[0.0; 2], [1.0; 2]]), true);
+    }
     match grid_side(job.film.sampling) {
         Some(n) => {
             let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(n);
@@ -178,6 +184,12 @@ fn sites(job: &Job, settings: &ZbufferSettings) -> (Sites, bool) {
         None if job.film.sampling == Sampling::Corner => (Sites::pattern(settings.multisampling, [0.0; 2]), false),
         None => (Sites::pattern(settings.multisampling, [0.5; 2]), false),
     }
+}
+
+/// Whether the picture is drawn once for each sample: it is the mean of pictures whose samples have equal places in all
+/// pixels (Haeberli & Akeley, *The Accumulation Buffer*, 1990).
+fn draws_sample_by_sample(job: &Job) -> bool {
+    job.is_progressive() && job.sample_count() > 1
 }
 
 /// The distance in pixels between samples that a z-buffer shades, for the footprints of textures.
@@ -195,7 +207,7 @@ fn grid_side(sampling: Sampling) -> Option<u32> {
     }
 }
 
-impl TileIntegrator for Zbuffer<'_> {
+impl PreparedIntegrator for Zbuffer<'_> {
     fn preparation_counts(&self) -> Counts {
         let others = vec![
             ("triangles on the screen", self.binned.len()),
@@ -204,31 +216,52 @@ impl TileIntegrator for Zbuffer<'_> {
         Counts { others, ..Counts::default() }
     }
 
-    fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a> {
-        Box::new(self.own_worker(cancelled))
-    }
-}
-
-impl Zbuffer<'_> {
-    fn own_worker<'a>(&'a self, cancelled: Cancelled<'a>) -> ZbufferWorker<'a> {
-        ZbufferWorker {
+    fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn IntegratorWorker + 'a> {
+        Box::new(ZbufferWorker {
             zbuffer: self,
             whitted: self.whitted(cancelled),
             cancelled,
+            samples: DrawnSamples::of(self, self.job.first_sample),
             visibility: VisibilityBuffer::default(),
             lookup: TriangleLookup { zbuffer: self, cache: FacetCache::default() },
             hits: TriangleHits::default(),
             fragments: 0,
-        }
+            explained: None,
+        })
     }
+}
 
+impl Zbuffer<'_> {
     /// The classic integrator as it shades fragments.
     fn whitted<'a>(&'a self, cancelled: Cancelled<'a>) -> Whitted<'a> {
-        let whitted = Whitted::new(self.world, self.job.integrator.nearest_whitted()).with_cancel(cancelled);
+        let whitted = Whitted::new(self.world, self.job.description().nearest_whitted()).with_cancel(cancelled);
         match &self.maps {
             Some(maps) => whitted.with_shadows_by(maps),
             None => whitted,
         }
+    }
+}
+
+/// The samples of all pixels that are drawn together.
+#[derive(Clone)]
+struct DrawnSamples {
+    sites: Sites,
+    /// The number of the sample whose random numbers fragments have, and the number of all.
+    index: u32,
+    count: u32,
+    /// The distance between samples in pixels, for the footprints of textures.
+    spacing: f64,
+}
+
+impl DrawnSamples {
+    /// All samples, or sample number `index` of a picture that is drawn once for each.
+    fn of(zbuffer: &Zbuffer, index: u32) -> DrawnSamples {
+        let (job, count) = (&zbuffer.job, zbuffer.job.sample_count());
+        if !draws_sample_by_sample(job) {
+            return DrawnSamples { sites: zbuffer.sites.clone(), index: 0, count: 1, spacing: sample_spacing(job) };
+        }
+        let place = zbuffer.sampler.pixel([0; 2]).sample(index, count).film();
+        DrawnSamples { sites: Sites::new([place]), index, count, spacing: progressive_spacing(count, index) }
     }
 }
 
@@ -237,12 +270,15 @@ struct ZbufferWorker<'a> {
     zbuffer: &'a Zbuffer<'a>,
     whitted: Whitted<'a>,
     cancelled: Cancelled<'a>,
+    samples: DrawnSamples,
     visibility: VisibilityBuffer,
     lookup: TriangleLookup<'a>,
     /// The hits of the fragments that are shaded together.
     hits: TriangleHits,
     /// The number of fragments shaded.
     fragments: u64,
+    /// The tile whose pixels are explained.
+    explained: Option<ExplainedTile>,
 }
 
 /// The triangles of visible samples, in the world.
@@ -266,17 +302,65 @@ struct PixelPart {
     is_first: bool,
 }
 
-impl TileWorker for ZbufferWorker<'_> {
+impl IntegratorWorker for ZbufferWorker<'_> {
     fn tile(&mut self, buffer: &mut TileBuffer) -> ControlFlow<()> {
-        let tile = self.draw(buffer.area())?;
-        let parts = self.parts(buffer.area());
-        for parts in parts.chunks(BATCH) {
-            if (self.cancelled)(self.whitted.counts.total()) {
-                return ControlFlow::Break(());
+        let aovs = &self.zbuffer.job.aovs;
+        self.each_part(buffer.area(), |worker, tile, parts, area| {
+            worker.shade(tile, parts, area, &mut |pixel, color, weight| buffer.add(pixel, color, weight));
+            worker.layers(tile, parts, aovs, buffer);
+        })
+    }
+
+    fn first_hits(&mut self, aovs: &[Aov], buffer: &mut TileBuffer) -> ControlFlow<()> {
+        self.samples = DrawnSamples::of(self.zbuffer, self.zbuffer.job.first_sample);
+        self.each_part(buffer.area(), |worker, tile, parts, _| worker.layers(tile, parts, aovs, buffer))
+    }
+
+    fn block(&mut self, block: &TileBlock<'_>, add: &mut dyn FnMut(usize, &mut [Rgb])) -> ControlFlow<()> {
+        let size = block.size as usize;
+        let mut colors = vec![Rgb::BLACK; block.places.len() * size];
+        let [_, _, width, height] = block.area;
+        let mut numbers = vec![usize::MAX; (width * height) as usize];
+        for (number, [x, y]) in block.places.iter().enumerate() {
+            numbers[(y * width + x) as usize] = number;
+        }
+        for index in 0..block.size {
+            self.samples = DrawnSamples::of(self.zbuffer, block.first + index);
+            let mut sums = vec![WeightedSum::default(); block.places.len()];
+            self.each_part(block.area, |worker, tile, parts, area| {
+                worker.shade(tile, parts, area, &mut |pixel, color, weight| {
+                    if let Some(sum) = sums.get_mut(numbers[pixel]) {
+                        sum.add(color, weight);
+                    }
+                });
+            })?;
+            for (sum, colors) in sums.iter().zip(colors.chunks_exact_mut(size)) {
+                colors[index as usize] = sum.mean();
             }
-            self.shade(tile, parts, buffer);
+        }
+        colors.chunks_exact_mut(size).enumerate().for_each(|(number, colors)| add(number, colors));
+        ControlFlow::Continue(())
+    }
+
+    fn alphas(&mut self, block: &TileBlock<'_>, add: &mut dyn FnMut(usize, f64)) -> ControlFlow<()> {
+        let [_, _, width, height] = block.area;
+        for index in 0..block.size {
+            self.samples = DrawnSamples::of(self.zbuffer, block.first + index);
+            let mut alphas = vec![0.0; (width * height) as usize];
+            self.each_part(block.area, |_, _, parts, _| {
+                parts.iter().filter(|part| part.number != NOTHING).for_each(|part| alphas[part.pixel] += part.share);
+            })?;
+            block.places.iter().enumerate().for_each(|(number, [x, y])| add(number, alphas[(y * width + x) as usize]));
         }
         ControlFlow::Continue(())
+    }
+
+    fn watch(&mut self, pixel: [u32; 2], probe: &mut dyn Probe, add: &mut dyn FnMut(Rgb, f64)) -> ControlFlow<()> {
+        self.explain(pixel, probe, add)
+    }
+
+    fn rays(&mut self) -> Option<&mut dyn RayWatcher> {
+        None
     }
 
     fn take_counts(&mut self) -> Counts {
@@ -286,17 +370,36 @@ impl TileWorker for ZbufferWorker<'_> {
 }
 
 impl ZbufferWorker<'_> {
+    /// Draws a tile, and calls `read` with its number, some parts of its pixels, and its area, until all are read.
+    fn each_part(
+        &mut self,
+        area: [u32; 4],
+        mut read: impl FnMut(&mut Self, usize, &[PixelPart], [u32; 4]),
+    ) -> ControlFlow<()> {
+        let tile = self.draw(area)?;
+        let parts = self.parts(area);
+        for parts in parts.chunks(BATCH) {
+            if (self.cancelled)(self.whitted.counts.total()) {
+                return ControlFlow::Break(());
+            }
+            self.lookup.cache.trim();
+            self.lookup.prepare(tile, parts);
+            read(self, tile, parts, area);
+        }
+        ControlFlow::Continue(())
+    }
+
     /// Draws the triangles of a tile, and returns its number.
     fn draw(&mut self, [x, y, width, height]: [u32; 4]) -> ControlFlow<(), usize> {
-        let Zbuffer { world, camera, screen, sites, binned, tolerance, .. } = self.zbuffer;
+        let Zbuffer { world, camera, screen, binned, tolerance, .. } = self.zbuffer;
         let [left, top, ..] = self.zbuffer.job.window();
         let side = screen.side as u32;
         let tile = ((y - top) / side * screen.tiles()[0] as u32 + (x - left) / side) as usize;
         let below = camera.size()[1] - y - height;
         let (corner, size) = ([x as i32, below as i32], [width as i32, height as i32]);
-        self.visibility.reset(corner, size, sites, self.zbuffer.far_depth);
-        self.lookup.cache.clear();
-        let Self { visibility, lookup: TriangleLookup { cache, .. }, .. } = self;
+        let Self { visibility, lookup: TriangleLookup { cache, .. }, samples: DrawnSamples { sites, .. }, .. } = self;
+        visibility.reset(corner, size, sites, self.zbuffer.far_depth);
+        cache.clear();
         let mut triangles = binned.tile(tile).enumerate().map(|(number, triangle)| (number as u32, triangle));
         while triangles.len() > 0 {
             visibility.draw(triangles.by_ref().take(DRAWN_TOGETHER), sites, |visibility, number, triangle| {
@@ -315,7 +418,7 @@ impl ZbufferWorker<'_> {
 
     /// The parts of all pixels of the tile.
     fn parts(&self, [x0, y0, width, height]: [u32; 4]) -> Vec<PixelPart> {
-        let Zbuffer { camera, sites, shades_each_site, .. } = self.zbuffer;
+        let (Zbuffer { camera, shades_each_site, .. }, sites) = (self.zbuffer, &self.samples.sites);
         let samples = sites.len();
         let mut parts: Vec<PixelPart> = Vec::with_capacity((width * height) as usize);
         for pixel in 0..(width * height) as usize {
@@ -353,12 +456,10 @@ impl ZbufferWorker<'_> {
         parts
     }
 
-    fn shade(&mut self, tile: usize, parts: &[PixelPart], buffer: &mut TileBuffer) {
-        let Zbuffer { job, camera, .. } = self.zbuffer;
-        self.lookup.cache.trim();
-        self.lookup.prepare(tile, parts);
-        let Self { lookup, whitted, hits, fragments: count, .. } = self;
-        let area = buffer.area();
+    /// Shades parts of pixels of a tile, and calls `add` with the pixel, colour and weight of each.
+    fn shade(&mut self, tile: usize, parts: &[PixelPart], area: [u32; 4], add: &mut dyn FnMut(usize, Rgb, f64)) {
+        let Zbuffer { camera, .. } = self.zbuffer;
+        let Self { lookup, whitted, hits, fragments: count, samples, .. } = self;
         let seen: Vec<(&PixelPart, VisibleTriangle)> =
             parts.iter().filter_map(|part| Some((part, lookup.visible(tile, part)?))).collect();
         let places: Vec<[f64; 2]> = seen.iter().map(|(part, _)| part.place).collect();
@@ -371,7 +472,7 @@ impl ZbufferWorker<'_> {
         let mut weights = Vec::with_capacity(seen.len());
         for (index, ((part, visible), line)) in seen.iter().zip(&lines).enumerate() {
             let hit = visible.hit_found(line, hits.get(index));
-            lookup.fragments_of(part, visible, (*line, hit), area, |weight, fragment| {
+            lookup.fragments_of(part, visible, (*line, hit), (area, samples), |weight, fragment| {
                 weights.push(weight);
                 wave.push(&fragment);
             });
@@ -383,15 +484,41 @@ impl ZbufferWorker<'_> {
         let each = if self.zbuffer.settings.shading == Shading::Gouraud { 3 } else { 1 };
         for part in parts {
             if part.number != NOTHING {
-                colors.by_ref().take(each).for_each(|(color, weight)| buffer.add(part.pixel, color, weight));
+                colors.by_ref().take(each).for_each(|(color, weight)| add(part.pixel, color, weight));
             } else {
-                buffer.add(part.pixel, around(self.zbuffer, part.place), part.share);
+                add(part.pixel, around(self.zbuffer, part.place, samples.spacing), part.share);
             }
         }
-        if !job.aovs.is_empty() {
-            for part in parts {
-                layers(self.zbuffer, whitted, part, lookup.visible(tile, part).as_ref(), buffer);
+    }
+
+    /// Adds parts of pixels of a tile to its layers.
+    fn layers(&mut self, tile: usize, parts: &[PixelPart], aovs: &[Aov], buffer: &mut TileBuffer) {
+        for part in parts.iter().take(if aovs.is_empty() { 0 } else { parts.len() }) {
+            self.layers_of(part, self.lookup.visible(tile, part).as_ref(), aovs, buffer);
+        }
+    }
+
+    /// Adds a part of a pixel to the layers.
+    fn layers_of(&self, part: &PixelPart, visible: Option<&VisibleTriangle>, aovs: &[Aov], buffer: &mut TileBuffer) {
+        let Zbuffer { world, camera, sampler, .. } = self.zbuffer;
+        let first_hit = visible.map_or(FirstHit::MISS, |visible| {
+            let line = camera.line(part.place[0], part.place[1]);
+            let sample = sampler.pixel([0; 2]).sample(0, 1);
+            let differential = differential(self.zbuffer, part.place, self.samples.spacing);
+            let fragment = TriangleLookup::smooth(visible, (line, visible.hit(&line)), differential, sample);
+            let surface = self.whitted.fragment_surface(&fragment);
+            let outside = surface.normal.dot(line.direction) < 0.0;
+            FirstHit::new(world, camera.eye(), &fragment.hit, &surface, outside)
+        });
+        for (layer, aov) in aovs.iter().enumerate() {
+            let mut values = [0.0; 3];
+            let values = &mut values[..aov.channels().len()];
+            if *aov == Aov::Alpha {
+                values[0] = if visible.is_some() { part.share } else { 0.0 };
+            } else if !part.is_first || !first_hit.write(*aov, values) {
+                continue;
             }
+            buffer.add_to_layer(layer, part.pixel, values);
         }
     }
 }
@@ -435,12 +562,13 @@ impl TriangleLookup<'_> {
         part: &PixelPart,
         visible: &'t VisibleTriangle<'t>,
         seen: (DRay, Hit),
-        [x, y, width, _]: [u32; 4],
+        ([x, y, width, _], samples): ([u32; 4], &DrawnSamples),
         mut add: impl FnMut(f64, Fragment<'t>),
     ) {
         let Zbuffer { camera, settings, sampler, .. } = self.zbuffer;
-        let sample = sampler.pixel([x + part.pixel as u32 % width, y + part.pixel as u32 / width]).sample(0, 1);
-        let differential = differential(self.zbuffer, part.place);
+        let pixel = [x + part.pixel as u32 % width, y + part.pixel as u32 / width];
+        let sample = sampler.pixel(pixel).sample(samples.index, samples.count);
+        let differential = differential(self.zbuffer, part.place, samples.spacing);
         let fragment =
             |(line, hit), is_flat| Fragment { line, hit, facet: visible.facet(), is_flat, differential, sample };
         match settings.shading {
@@ -470,7 +598,7 @@ fn refine(
 }
 
 /// The colour at a place of the picture where nothing is.
-fn around(zbuffer: &Zbuffer, place: [f64; 2]) -> Rgb {
+fn around(zbuffer: &Zbuffer, place: [f64; 2], spacing: f64) -> Rgb {
     let Zbuffer { world, camera, job, .. } = zbuffer;
     if job.film.alpha {
         return Rgb::BLACK;
@@ -479,41 +607,11 @@ fn around(zbuffer: &Zbuffer, place: [f64; 2]) -> Rgb {
         return world.background;
     }
     let line = camera.line(place[0], place[1]);
-    background(world, line.direction, differential(zbuffer, place).as_ref(), &mut ())
+    background(world, line.direction, differential(zbuffer, place, spacing).as_ref(), &mut ())
 }
 
 /// The ray differential at a place of the picture, if the world needs it.
-fn differential(zbuffer: &Zbuffer, [x, y]: [f64; 2]) -> Option<RayDifferential> {
-    let spaced = || zbuffer.camera.differential(x, y, sample_spacing(zbuffer.job));
+fn differential(zbuffer: &Zbuffer, [x, y]: [f64; 2], spacing: f64) -> Option<RayDifferential> {
+    let spaced = || zbuffer.camera.differential(x, y, spacing);
     zbuffer.world.needs_differentials().then(spaced)
-}
-
-/// Adds a part of a pixel to the layers.
-fn layers(
-    zbuffer: &Zbuffer,
-    whitted: &Whitted,
-    part: &PixelPart,
-    visible: Option<&VisibleTriangle>,
-    buffer: &mut TileBuffer,
-) {
-    let Zbuffer { world, job, camera, sampler, .. } = zbuffer;
-    let first_hit = visible.map_or(FirstHit::MISS, |visible| {
-        let line = camera.line(part.place[0], part.place[1]);
-        let sample = sampler.pixel([0; 2]).sample(0, 1);
-        let differential = differential(zbuffer, part.place);
-        let fragment = TriangleLookup::smooth(visible, (line, visible.hit(&line)), differential, sample);
-        let surface = whitted.fragment_surface(&fragment);
-        let outside = surface.normal.dot(line.direction) < 0.0;
-        FirstHit::new(world, camera.eye(), &fragment.hit, &surface, outside)
-    });
-    for (layer, aov) in job.aovs.iter().enumerate() {
-        let mut values = [0.0; 3];
-        let values = &mut values[..aov.channels().len()];
-        if *aov == Aov::Alpha {
-            values[0] = if visible.is_some() { part.share } else { 0.0 };
-        } else if !part.is_first || !first_hit.write(*aov, values) {
-            continue;
-        }
-        buffer.add_to_layer(layer, part.pixel, values);
-    }
 }

@@ -3,8 +3,8 @@
 use super::cut_away::cut_away;
 use super::grid_side;
 use crate::Named;
-use crate::diagnose::Omission;
-use crate::job::Job;
+use crate::integrator::Omission;
+use crate::job::PlacedJob;
 use crate::material::{Parameter, PreparedMaterial, Target};
 use crate::scene::{Filter, Sampling, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, Primitives, World};
@@ -42,7 +42,8 @@ const KINDS: [Kind; 3] = [
 ];
 
 /// What the z-buffer leaves out of a job's picture.
-pub(crate) fn omissions(world: &World, job: &Job, settings: &ZbufferSettings) -> Vec<Omission> {
+pub(super) fn omissions(job: &PlacedJob, settings: &ZbufferSettings) -> Vec<Omission> {
+    let world = job.world();
     let mut all = Vec::new();
     for Kind { sentence, is_of } in KINDS {
         let of_kind: Vec<bool> = world.materials().iter().map(is_of).collect();
@@ -64,7 +65,7 @@ pub(crate) fn omissions(world: &World, job: &Job, settings: &ZbufferSettings) ->
             all.push(Omission::substitute(problem, subjects));
         }
     }
-    all.extend(cut_away(world, job));
+    all.extend(cut_away(job));
     let mut add = |problem: String| all.push(Omission::substitute(problem, Vec::new()));
     if !job.camera.is_plain() {
         add("a z-buffer has no lens and no shutter, so all is sharp and drawn at the shutter's opening".into());

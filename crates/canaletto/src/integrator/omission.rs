@@ -1,11 +1,10 @@
 //! Parts of a scene that an integrator leaves out of the picture.
 
+use super::description::preparable;
 use crate::Named;
-use crate::integrator::omitted_by_zbuffer;
-use crate::job::Job;
+use crate::job::{Job, PlacedJob};
 use crate::material::PreparedMaterial;
 use crate::math::Rgb;
-use crate::scene::{Integrator, Stage};
 use crate::world::World;
 use std::fmt;
 
@@ -119,40 +118,30 @@ fn write_list(f: &mut fmt::Formatter<'_>, names: &[String]) -> fmt::Result {
 
 /// The parts of a world that the job's integrator leaves out. Only the planes of a z-buffer need rays, a few thousand.
 pub fn omissions(world: &World, job: &Job) -> Vec<Omission> {
-    let integrator = &job.integrator;
-    let mut all = match integrator {
-        Integrator::Whitted(settings) if settings.stage == Stage::Unlit => return Vec::new(),
-        Integrator::Whitted(_) | Integrator::Radiosity(_) | Integrator::Path(_) => Vec::new(),
-        Integrator::Zbuffer(settings) => omitted_by_zbuffer(world, job, settings),
-    };
-    let finds_all = matches!(job.integrator, Integrator::Radiosity(_) | Integrator::Path(_));
-    let integrator = integrator.name();
-    if finds_all && world.ambient != Rgb::BLACK {
-        all.push(Omission::Ambient { integrator, ambient: world.ambient });
+    let integrator = preparable(&job.integrator);
+    if !integrator.shades() {
+        return Vec::new();
     }
+    let (mut all, name) = (integrator.omissions(&PlacedJob::new(world, job)), job.integrator.name());
     let used = world.materials_in_use();
     let names_of = |is_left_out: &dyn Fn(u32, &PreparedMaterial) -> bool| -> Vec<String> {
         let all = (0..).zip(world.materials()).zip(&used);
         let left_out = all.filter(|((number, material), used)| **used && is_left_out(*number, material));
         left_out.map(|((_, material), _)| material.name.clone()).collect()
     };
-    if !finds_all {
+    if !integrator.finds_indirect_light() {
         let materials = names_of(&|number, material| !world.is_of_light(number) && material.may_emit());
         if !materials.is_empty() {
-            all.push(Omission::EmissionAsLight { integrator, materials });
+            all.push(Omission::EmissionAsLight { integrator: name, materials });
         }
+    } else if world.ambient != Rgb::BLACK {
+        all.push(Omission::Ambient { integrator: name, ambient: world.ambient });
     }
-    if matches!(job.integrator, Integrator::Path(_)) {
-        all.extend(world.open_meshes().into_iter().map(|open| Omission::OpenBody {
-            object: open.object.to_owned(),
-            material: open.material.name.clone(),
-            edges: open.edges,
-        }));
-        return all;
-    }
-    let materials = names_of(&|_, material| !material.medium.is_vacuum());
-    if !materials.is_empty() {
-        all.push(Omission::Media { integrator, materials });
+    if !integrator.traces_paths() {
+        let materials = names_of(&|_, material| !material.medium.is_vacuum());
+        if !materials.is_empty() {
+            all.push(Omission::Media { integrator: name, materials });
+        }
     }
     all
 }
@@ -163,7 +152,8 @@ mod tests {
     use crate::camera::Camera;
     use crate::material::{Dielectric, Material, Medium, Phong};
     use crate::scene::{
-        Content, Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, RadiositySettings, Scene, WhittedSettings,
+        Content, Extrinsics, FilmSettings, Integrator, Intrinsics, Node, PathSettings, RadiositySettings, Scene, Stage,
+        WhittedSettings,
     };
     use crate::shape::{Mesh, Plane, Shape, Sphere};
     use glam::Vec3;

@@ -1,48 +1,109 @@
-//! The door of integrators: how a render asks an integrator for tiles.
+//! What integrators prepare, and the work of their threads: how a render asks for tiles, and an explanation for rays.
 
-use super::{Counts, Probe, RayCounts};
+use super::radiosity::RadiositySolution;
+use super::{Counts, PreparedRadiosity, Probe, RayCounts, Transport};
 use crate::film::TileBuffer;
-use crate::job::Job;
+use crate::job::{Aov, Job};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::world::World;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A callback that gets the number of rays traced so far and returns whether to cancel.
 pub(crate) type Cancelled<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 
-/// An integrator that is prepared for one world and one job. It makes the picture in tiles, and in passes that
-/// accumulate: each pass adds to each tile. Whatever takes time before the first tile is done when it is made.
-pub(crate) trait TileIntegrator: Sync {
-    /// The number of passes over the picture, at least 1.
-    fn passes(&self) -> u32 {
-        1
-    }
+/// What preparing an integrator may start from, and what it keeps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Preparation<'s> {
+    /// A solution of radiosity that was found before. Other integrators have none.
+    pub solution: Option<&'s Arc<RadiositySolution>>,
+    /// Whether radiosity keeps how light goes from patch to patch, for explanations. It takes memory.
+    pub keeps_links: bool,
+}
 
+/// An integrator that is prepared for a job in its world. Whatever takes time before the first tile is done.
+pub(crate) trait PreparedIntegrator: Send + Sync {
     /// What was counted while the integrator was prepared.
     fn preparation_counts(&self) -> Counts {
         Counts::default()
     }
 
     /// The integrator's state for one thread.
-    fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn TileWorker + 'a>;
+    fn worker<'a>(&'a self, cancelled: Cancelled<'a>) -> Box<dyn IntegratorWorker + 'a>;
+
+    /// The solution of radiosity that the picture shows.
+    fn radiosity(&self) -> Option<(&PreparedRadiosity, Option<&Transport<'_>>)> {
+        None
+    }
 }
 
-/// The state of an integrator in one thread.
-pub(crate) trait TileWorker {
-    /// Adds the next pass to a tile. What is added depends on world, job, tile and pass only. Breaks if cancelled; the
-    /// buffer is then not used any more.
+/// The state of an integrator in one thread. Its methods break if the render was cancelled.
+pub(crate) trait IntegratorWorker {
+    /// Adds all samples of a tile's pixels, with their weights, and its layers. They depend on job and tile only.
     fn tile(&mut self, buffer: &mut TileBuffer) -> ControlFlow<()>;
+
+    /// Adds the layers of geometry, by each pixel's first sample. Its rays aren't counted.
+    fn first_hits(&mut self, aovs: &[Aov], buffer: &mut TileBuffer) -> ControlFlow<()>;
+
+    /// Calls `add` with the colours of a block of samples, for each pixel of a tile that is at one of these places.
+    /// Samples depend on job, pixel and number only.
+    fn block(&mut self, block: &TileBlock<'_>, add: &mut dyn FnMut(usize, &mut [Rgb])) -> ControlFlow<()>;
+
+    /// Calls `add` with the share of the background that each of these samples hides, in the order of their numbers.
+    fn alphas(&mut self, block: &TileBlock<'_>, add: &mut dyn FnMut(usize, f64)) -> ControlFlow<()>;
+
+    /// Prepares for the pixels of an area that are watched. Changes no colour.
+    fn begin_area(&mut self, _area: [u32; 4]) {}
+
+    /// Makes a pixel with a probe that observes it, and calls `add` with the colour and weight of each sample.
+    fn watch(&mut self, pixel: [u32; 2], probe: &mut dyn Probe, add: &mut dyn FnMut(Rgb, f64)) -> ControlFlow<()>;
+
+    /// The integrator as one that traces single rays; none for a rasteriser.
+    fn rays(&mut self) -> Option<&mut dyn RayWatcher>;
 
     /// What was counted since the last call.
     fn take_counts(&mut self) -> Counts;
 }
 
+/// An integrator that traces single rays for a probe.
+pub(crate) trait RayWatcher {
+    /// Looks at places of a pixel, with weights, as a rasteriser does: through the middle of the lens, at the shutter's
+    /// opening, with a rasteriser's footprints.
+    fn places(
+        &mut self,
+        pixel: [u32; 2],
+        places: &[([f64; 2], f64)],
+        probe: &mut dyn Probe,
+        add: &mut dyn FnMut(Rgb, f64),
+    ) -> ControlFlow<()>;
+
+    /// The colour along a ray with a unit direction.
+    fn ray(&mut self, line: DRay, probe: &mut dyn Probe) -> ControlFlow<(), Rgb>;
+}
+
+/// A block of samples of some pixels of a tile.
+#[derive(Clone, Copy)]
+pub(crate) struct TileBlock<'a> {
+    /// x and y from the picture's upper left corner, width and height, in pixels.
+    pub(crate) area: [u32; 4],
+    /// Pixels from the tile's upper left corner, neighbours near each other.
+    pub(crate) places: &'a [[u32; 2]],
+    /// The numbers of the samples.
+    pub(crate) first: u32,
+    pub(crate) size: u32,
+}
+
 /// What the threads of an integrator of rays share: its settings, and what was prepared for the world.
-pub(crate) trait PreparedRayIntegrator: Sync {
+pub(crate) trait PreparedRayIntegrator: Send + Sync {
     /// What was counted while the integrator was prepared.
     fn preparation_counts(&self) -> Counts {
         Counts::default()
+    }
+
+    /// The solution of radiosity that is seen.
+    fn radiosity(&self) -> Option<&PreparedRadiosity> {
+        None
     }
 
     /// The integrator of one thread.

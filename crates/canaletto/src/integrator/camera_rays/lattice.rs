@@ -5,8 +5,8 @@
 //! Four pixels share a corner, and more share it with a wide filter. All samples of an area are traced at once: about
 //! two rays for each pixel.
 
-use super::in_squares;
 use crate::film::{FilterTable, display_all};
+use crate::job::in_squares;
 use crate::math::Rgb;
 use crate::scene::Transfer;
 

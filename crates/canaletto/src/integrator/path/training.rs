@@ -1,11 +1,11 @@
 //! The training of path guiding: paths through the whole picture that tell where light comes from.
 
-use super::pixel::PixelRenderer;
-use crate::integrator::{GuidingField, GuidingRecord, GuidingRecorder, PreparedPath, PreparedRayIntegrator};
-use crate::job::{Job, Observer, SolvingPhase, SolvingProgress};
+use super::{GuidingField, GuidingRecord, GuidingRecorder, PathTracer, PreparedPath};
+use crate::integrator::PreparedRayIntegrator;
+use crate::integrator::camera_rays::PixelRenderer;
+use crate::integrator::task_queue::TaskQueue;
+use crate::job::{Job, Observer, PlacedJob, SolvingPhase, SolvingProgress};
 use crate::scene::{Guiding, PathSettings, SamplerKind};
-use crate::world::World;
-use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// The rounds of the training. Each has twice as many paths as the one before.
@@ -58,10 +58,10 @@ fn first_paths(job: &Job) -> u64 {
 
 /// The memory of a job's training in bytes: about what its last round takes. The first paths tell how many records a
 /// path leaves.
-pub(super) fn training_memory(world: &World, job: &Job, settings: PathSettings) -> u64 {
+pub(super) fn training_memory(job: &PlacedJob, settings: PathSettings) -> u64 {
     let first = first_paths(job);
-    let prepared = PreparedPath::new(world, settings);
-    let traced = TrainingPaths::new(world, job).trace(&prepared, 0, first, &());
+    let prepared = PreparedPath::new(job.world(), settings);
+    let traced = TrainingPaths::new(job).trace(&prepared, 0, first, &());
     let (ControlFlow::Continue(records) | ControlFlow::Break(records)) = traced.map_break(|()| Vec::new());
     let bytes = records.len() as u64 * size_of::<GuidingRecord>() as u64;
     if settings.guiding == Guiding::Auto && GuidingField::rarity(records) < RARE {
@@ -73,18 +73,18 @@ pub(super) fn training_memory(world: &World, job: &Job, settings: PathSettings) 
 }
 
 /// The paths of a job's training.
-struct TrainingPaths<'a> {
-    world: &'a World,
-    job: Job,
+struct TrainingPaths<'w> {
+    job: PlacedJob<'w>,
 }
 
-impl TrainingPaths<'_> {
-    fn new<'a>(world: &'a World, job: &Job) -> TrainingPaths<'a> {
+impl<'w> TrainingPaths<'w> {
+    fn new(job: &PlacedJob<'w>) -> TrainingPaths<'w> {
         // The picture's samples are independent of those of the training.
-        let mut job = job.clone();
-        job.seed ^= 0x6775_6964_6564_2121;
-        job.film.sampler = SamplerKind::Independent;
-        TrainingPaths { world, job }
+        let job = job.with(|job| {
+            job.seed ^= 0x6775_6964_6564_2121;
+            job.film.sampler = SamplerKind::Independent;
+        });
+        TrainingPaths { job }
     }
 
     /// Traces paths, of which `begun` were traced before. Breaks if cancelled.
@@ -97,36 +97,36 @@ impl TrainingPaths<'_> {
     ) -> ControlFlow<(), Vec<GuidingRecord>> {
         let [width, height] = self.job.camera.size().map(u64::from);
         let pixels = PixelRenderer::new(&self.job);
-        let cancelled = |_| observer.cancelled();
-        let chunk = |number: u64| {
-            let mut tracer = prepared.worker(self.world, &cancelled);
+        let queue = TaskQueue::new(observer);
+        let cancelled = |_| queue.is_stopped();
+        let chunk = |tracer: &mut PathTracer<'_>, number: usize| {
             let mut recorder = GuidingRecorder::new();
-            let mut colors = Vec::new();
-            for path in number * CHUNK..((number + 1) * CHUNK).min(count) {
+            let first = number as u64 * CHUNK;
+            for path in first..(first + CHUNK).min(count) {
                 let pixel = path * width * height / count;
                 let place = [(pixel % width) as u32, (pixel / width) as u32];
-                pixels.block_with_probe(&mut tracer, place, [(begun + path) as u32, 1], &mut recorder, &mut colors);
+                pixels.block_with_probe(tracer, place, [(begun + path) as u32, 1], &mut recorder, &mut |_| ());
             }
-            recorder.into_records()
+            if cancelled(0) { ControlFlow::Break(()) } else { ControlFlow::Continue(recorder.into_records()) }
         };
-        let records: Vec<_> = (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).flatten_iter().collect();
-        if observer.cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(records) }
+        let chunks = count.div_ceil(CHUNK) as usize;
+        let records = queue.collect(chunks, || prepared.worker(self.job.world(), &cancelled), chunk)?;
+        ControlFlow::Continue(records.into_iter().flatten().collect())
     }
 }
 
 /// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
-pub(crate) fn prepare_path(
-    world: &World,
-    job: &Job,
+pub(super) fn prepare_path(
+    job: &PlacedJob,
     settings: PathSettings,
     observer: &dyn Observer,
 ) -> ControlFlow<(), PreparedPath> {
-    let mut prepared = PreparedPath::new(world, settings);
+    let mut prepared = PreparedPath::new(job.world(), settings);
     if settings.guiding == Guiding::Off {
         return ControlFlow::Continue(prepared);
     }
     let budget = training_paths(job);
-    let training = TrainingPaths::new(world, job);
+    let training = TrainingPaths::new(job);
     let trace = |prepared: &PreparedPath, begun, count| training.trace(prepared, begun, count, observer);
     let is_auto = settings.guiding == Guiding::Auto;
     if is_auto && GuidingField::rarity(trace(&prepared, 0, first_paths(job))?) < RARE {

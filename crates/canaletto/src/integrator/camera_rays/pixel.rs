@@ -1,7 +1,8 @@
 //! A pixel from its samples (5.6): a pure function of world, job and pixel.
 
 use super::lattice::{FilterSites, Lattice, Site};
-use crate::film::{Division, FilterTable, Part, WeightedSum};
+use crate::film::{Division, FilterTable, Part};
+use crate::integrator::zbuffer::sample_spacing;
 use crate::integrator::{Probe, RayCounts, RayIntegrator};
 use crate::job::Job;
 use crate::math::{DRay, RayDifferential, Rgb};
@@ -60,12 +61,12 @@ struct CameraSample {
 }
 
 /// The camera ray of a sample.
-pub(super) struct CameraRay {
-    pub(super) line: DRay,
+pub(crate) struct CameraRay {
+    pub(crate) line: DRay,
     /// The ray differential, if the world needs it.
-    pub(super) differential: Option<RayDifferential>,
+    pub(crate) differential: Option<RayDifferential>,
     /// The time, from 0 (the shutter opens) to 1 (it closes).
-    pub(super) time: f32,
+    pub(crate) time: f32,
     /// The point of the lens that the ray leaves.
     lens: Option<DVec2>,
 }
@@ -93,19 +94,19 @@ impl<'a> PixelRenderer<'a> {
         }
     }
 
-    /// Adds the samples of the pixel in column `x` and row `y` from the top left to `sum`, and returns the number of
-    /// rays traced for it. A probe observes ray after ray. For adaptive sampling, the number includes the first samples
+    /// Calls `add` with the colour and weight of each sample of the pixel in column `x` and row `y` from the top left.
+    /// Returns the number of rays traced for it. A probe observes ray after ray. For adaptive sampling, the number includes the first samples
     /// at the pixel's own corner and centre.
     pub(crate) fn pixel<'w, P: Probe + ?Sized>(
         &mut self,
         integrator: &mut impl RayIntegrator<'w>,
         [x, y]: [u32; 2],
         probe: &mut P,
-        sum: &mut WeightedSum,
+        add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
         let sampling = self.job.film.sampling;
         let Sampling::Adaptive { n, threshold } = sampling else {
-            return self.trace_with_probe(integrator, self.camera_samples([x, y], sampling), sampling, probe, sum);
+            return self.trace_with_probe(integrator, self.camera_samples([x, y], sampling), sampling, probe, add);
         };
         let place = self.lattice_place([x, y]);
         if !self.lattice.covers(place) {
@@ -114,15 +115,15 @@ impl<'a> PixelRenderer<'a> {
         // The rays of the survey are counted already.
         let counts = *integrator.counts();
         let own = Site::of(place).into_iter().map(|site| self.site_sample(site, 1.0));
-        let rays = self.trace_with_probe(integrator, own, sampling, &mut (), &mut WeightedSum::default());
+        let rays = self.trace_with_probe(integrator, own, sampling, &mut (), &mut |_, _| ());
         *integrator.counts() = counts;
         if !self.lattice.is_even(&self.probes, place, threshold) {
             let camera_samples = self.camera_samples([x, y], Sampling::Jittered(n));
-            return rays + self.trace_with_probe(integrator, camera_samples, Sampling::Jittered(n), probe, sum);
+            return rays + self.trace_with_probe(integrator, camera_samples, Sampling::Jittered(n), probe, add);
         }
         // The probe observes the samples that make the pixel.
         let sites = self.probes.weighted().map(|(site, weight)| self.site_sample(site.at(place), weight));
-        self.trace_with_probe(integrator, sites, sampling, probe, sum);
+        self.trace_with_probe(integrator, sites, sampling, probe, add);
         *integrator.counts() = counts;
         rays
     }
@@ -234,7 +235,7 @@ impl<'a> PixelRenderer<'a> {
                 samples.numbers.push(numbers);
             }
         }
-        let spacing = |at: usize| self.progressive_spacing(first + at as u32 % size);
+        let spacing = |at: usize| progressive_spacing(self.job.sample_count(), first + at as u32 % size);
         self.trace(integrator, spacing, &mut samples);
         if !integrator.is_cancelled() {
             for (number, colors) in samples.colors.chunks_exact_mut(size as usize).enumerate() {
@@ -256,18 +257,50 @@ impl<'a> PixelRenderer<'a> {
         integrator.alpha(eye.line)
     }
 
-    /// Adds the colours of a block of a pixel's samples to `colors`, and returns the number of rays traced. A probe
-    /// observes ray after ray.
+    /// Calls `add` with the colour of each sample of a block of a pixel's samples. A probe observes ray after ray.
     pub(crate) fn block_with_probe<'w, P: Probe + ?Sized>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         pixel: [u32; 2],
         [first, size]: [u32; 2],
         probe: &mut P,
-        colors: &mut Vec<Rgb>,
-    ) -> u64 {
-        let sample = |index: u32| (self.progressive_sample(pixel, index), self.progressive_spacing(index));
-        self.trace_each(integrator, (first..first + size).map(sample), probe, |color, _| colors.push(color))
+        add: &mut dyn FnMut(Rgb),
+    ) {
+        let sample =
+            |index: u32| (self.progressive_sample(pixel, index), progressive_spacing(self.job.sample_count(), index));
+        self.trace_each(integrator, (first..first + size).map(sample), probe, &mut |color, _| add(color));
+    }
+
+    /// Calls `add` with what the job's rays see at places of a pixel, with weights, as a rasteriser looks at them.
+    pub(crate) fn at_places<'w, P: Probe + ?Sized>(
+        &self,
+        integrator: &mut impl RayIntegrator<'w>,
+        pixel: [u32; 2],
+        places: &[([f64; 2], f64)],
+        probe: &mut P,
+        add: &mut dyn FnMut(Rgb, f64),
+    ) {
+        let (camera, spacing) = (self.job.camera.at(0.0), sample_spacing(self.job));
+        let needs_differentials = integrator.world().needs_differentials();
+        let sampler = self.sampler.pixel(pixel);
+        for (index, &([x, y], weight)) in places.iter().enumerate() {
+            let differential = needs_differentials.then(|| camera.differential(x, y, spacing));
+            probe.sample([x, y], weight);
+            integrator.begin(sampler.sample(index as u32, places.len() as u32), 0.0);
+            add(integrator.eye(camera.line(x, y), differential.as_ref(), probe), weight);
+        }
+    }
+
+    /// The colour along a ray with a unit direction that no pixel sends, at the shutter's opening.
+    pub(crate) fn along<'w, P: Probe + ?Sized>(
+        &self,
+        integrator: &mut impl RayIntegrator<'w>,
+        line: DRay,
+        probe: &mut P,
+    ) -> Rgb {
+        probe.sample([0.0; 2], 1.0);
+        integrator.begin(self.sampler.pixel([0; 2]).sample(0, 1), 0.0);
+        integrator.eye(line, None, probe)
     }
 
     /// Sample number `index` of a pixel of a picture made in passes. It doesn't depend on how many there are, unless
@@ -278,17 +311,6 @@ impl<'a> PixelRenderer<'a> {
         let numbers = self.sampler.pixel([x, y]).sample(index, count);
         let [dx, dy] = if count == 1 { [0.0; 2] } else { self.filter.place(Part::Above, numbers.film()) };
         CameraSample { position: [corner[0] + 0.5 + dx, corner[1] + 0.5 + dy], weight: 1.0, numbers }
-    }
-
-    /// [`spacing`] of sample number `index` of a picture made in passes, whose number of samples isn't known: that of
-    /// 64 samples for the first few. Later samples look at points, so that what footprints blur, as at a horizon, falls
-    /// as 1 over the number of samples, faster than noise. With footprints the first samples have less noise.
-    fn progressive_spacing(&self, index: u32) -> f64 {
-        match index {
-            _ if self.job.sample_count() == 1 => 1.0,
-            0..FILTERED => 0.125,
-            _ => 0.0,
-        }
     }
 
     /// Chooses and traces all samples of some pixels.
@@ -378,7 +400,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The camera rays of a pixel's samples, with their random numbers and weights.
-    pub(super) fn camera_rays<'r>(
+    pub(crate) fn camera_rays<'r>(
         &'r self,
         world: &'r World,
         pixel: [u32; 2],
@@ -449,17 +471,17 @@ impl<'a> PixelRenderer<'a> {
         world.moves() || self.job.camera.moves()
     }
 
-    /// Adds samples whose rays a probe observes, and returns the number of these rays.
+    /// Calls `add` with samples whose rays a probe observes, and returns the number of these rays.
     fn trace_with_probe<'w, P: Probe + ?Sized>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = CameraSample>,
         sampling: Sampling,
         probe: &mut P,
-        sum: &mut WeightedSum,
+        add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
         let samples = camera_samples.map(|sample| (sample, spacing(sampling)));
-        self.trace_each(integrator, samples, probe, |color, weight| sum.add(color, weight))
+        self.trace_each(integrator, samples, probe, add)
     }
 
     /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. The samples have their
@@ -469,7 +491,7 @@ impl<'a> PixelRenderer<'a> {
         integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = (CameraSample, f64)>,
         probe: &mut P,
-        mut add: impl FnMut(Rgb, f64),
+        add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
         let before = integrator.counts().total();
         let moves = self.moves(integrator.world());
@@ -520,5 +542,17 @@ fn spacing(sampling: Sampling) -> f64 {
         Sampling::Sampled(n) => 1.0 / f64::from(n).sqrt(),
         // There are two for each pixel.
         Sampling::Adaptive { .. } => std::f64::consts::FRAC_1_SQRT_2,
+    }
+}
+
+/// [`spacing`] of sample number `index` of a progressive picture, whose number of samples isn't known: that of 64
+/// samples for the first few. Later samples look at points, so that what footprints blur, as at a horizon, falls as 1
+/// over the number of samples, faster than noise. With footprints the first samples have less noise. A single sample
+/// has the whole pixel.
+pub(crate) fn progressive_spacing(count: u32, index: u32) -> f64 {
+    match index {
+        _ if count == 1 => 1.0,
+        0..FILTERED => 0.125,
+        _ => 0.0,
     }
 }
