@@ -27,6 +27,7 @@ mod presets;
 mod radiosity_explained;
 mod scale;
 mod serialised;
+mod sessions;
 mod shadows;
 mod surfaces;
 mod textures;
