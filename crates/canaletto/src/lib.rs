@@ -56,6 +56,7 @@ pub mod material;
 pub mod math;
 mod named;
 mod out_of_range;
+mod raster;
 pub mod render;
 pub mod sampler;
 pub mod scene;

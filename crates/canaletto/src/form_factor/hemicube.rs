@@ -5,7 +5,7 @@
 //! on the upper halves of its side faces. Each pixel then adds its delta form factor to what is seen there.
 
 use super::delta_factors::DeltaFactors;
-use crate::integrator::{Item, ItemView};
+use crate::raster::item_buffer::{Item, ItemView};
 use crate::world::{Hit, ObjectSurface, World};
 use canaletto_bvh::{NoThreads, with_stack};
 use glam::DVec3;

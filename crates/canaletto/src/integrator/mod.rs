@@ -12,6 +12,7 @@ mod path;
 mod prepared;
 mod probe;
 pub mod radiosity;
+pub(crate) mod shading;
 mod task_queue;
 mod visible_hit;
 pub(crate) mod whitted;
@@ -38,7 +39,6 @@ pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};
 pub(crate) use task_queue::TaskQueue;
 pub use whitted::Whitted;
-pub(crate) use zbuffer::{Item, ItemView};
 pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 
 /// What the preparation of an integrator takes besides the world, and gives back before the picture is made.

@@ -10,7 +10,7 @@ use super::vertex::Vertex;
 use super::{PathEvent, PathTracer, SampledSource, SourceSample};
 use crate::integrator::Probe;
 use crate::integrator::media::NONE;
-use crate::integrator::whitted::BEFORE_LIGHT;
+use crate::integrator::shading::BEFORE_LIGHT;
 use crate::light::LightSample;
 use crate::light::environment::EnvironmentSample;
 use crate::math::{DRay, Rgb};

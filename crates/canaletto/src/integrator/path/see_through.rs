@@ -11,8 +11,8 @@ use super::light_sampler::Source;
 use super::trace::{MAX_PASSED, Segment};
 use super::vertex::{SurfaceVertex, Vertex};
 use crate::integrator::media::NONE;
+use crate::integrator::shading::BEFORE_LIGHT;
 use crate::integrator::visible_hit::{Frame, VisibleHit, visible_hit};
-use crate::integrator::whitted::BEFORE_LIGHT;
 use crate::math::{DRay, Rgb};
 
 /// A smaller share of a light counts as zero.

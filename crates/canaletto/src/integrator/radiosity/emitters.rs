@@ -13,7 +13,7 @@ use super::outline::Outline;
 use super::root::Root;
 use crate::form_factor::point_to_polygon;
 use crate::integrator::EmittersTerm;
-use crate::integrator::whitted::EmitterReceiver;
+use crate::integrator::shading::EmitterReceiver;
 use crate::math::Rgb;
 use crate::world::OccluderCache;
 use canaletto_bvh::Ray;

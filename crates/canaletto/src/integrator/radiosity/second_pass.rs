@@ -2,7 +2,7 @@
 //! of ambient light.
 
 use super::{ArrivingLight, RadiosityError, RadiositySolution, Transport};
-use crate::integrator::whitted::{DiffuseLight, EmitterReceiver};
+use crate::integrator::shading::{DiffuseLight, EmitterReceiver};
 use crate::integrator::{Cancelled, Counts, EmittersTerm, PreparedRayIntegrator, Whitted};
 use crate::job::{JobError, Observer};
 use crate::math::Rgb;

@@ -4,6 +4,7 @@ use super::Whitted;
 use super::interaction::SurfaceInteraction;
 use super::ray_state::uses;
 use crate::integrator::media::NONE;
+use crate::integrator::shading::BEFORE_LIGHT;
 use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;
@@ -11,9 +12,6 @@ use crate::math::{RayDifferential, Rgb, saturate};
 use crate::scene::Stage;
 use canaletto_bvh::Ray;
 use glam::DVec3;
-
-/// The `t_max` of a ray towards a light point at t = 1.
-pub(in crate::integrator) const BEFORE_LIGHT: f32 = 1.0 - f32::EPSILON;
 
 /// The diffuse and the specular light of one component: (5.32b) and (5.38).
 #[inline(always)]

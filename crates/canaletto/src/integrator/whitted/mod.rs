@@ -19,18 +19,16 @@ mod trace;
 mod wave;
 
 use super::media::Media;
+use super::shading::{DiffuseLight, EmitterReceiver, ShadowLookup};
 use super::{Cancelled, EmittersTerm, PreparedRayIntegrator, Probe, RayCounts};
 use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
-use crate::sampler::{Dimension, Sample, Sampler};
+use crate::sampler::{Sample, Sampler};
 use crate::scene::{Stage, WhittedSettings};
-use crate::world::{Hit, OccluderCache, World};
-pub(super) use direct::BEFORE_LIGHT;
-use glam::{DVec3, Vec3};
+use crate::world::{OccluderCache, World};
 use interaction::SurfaceInteraction;
 
 use ray_state::{PathState, RayState, uses};
-pub(crate) use wave::Fragment;
 use wave::Waves;
 
 /// The classic integrator on one world.
@@ -63,41 +61,6 @@ pub struct Whitted<'w> {
     solution: Option<&'w dyn DiffuseLight>,
     /// The rays that are traced side by side.
     waves: Waves,
-}
-
-/// Shadows that are known without rays.
-pub(crate) trait ShadowLookup: Sync {
-    /// The share of a light that reaches a point with this unit geometric normal on the viewer's side. `ray` holds the
-    /// origin and the direction of the shadow ray, which ends at `t_max`.
-    fn passed(&self, light: u32, ray: [Vec3; 2], t_max: f32, point: DVec3, normal: DVec3) -> f32;
-}
-
-/// Diffuse light that is known at every surface, as from radiosity.
-pub(crate) trait DiffuseLight: Sync {
-    /// Whether the light of the scene's lights is added to it.
-    fn takes_lights(&self) -> bool;
-
-    /// The light that arrives at a hit, as the radiance of a white surface. Unknown surfaces get none.
-    fn light_at(&self, hit: &Hit, point: DVec3, outside: bool) -> Rgb;
-
-    /// The light of emitting surfaces that is not in it. Its contribution is left black. None if there is none.
-    fn emitters_at(&self, receiver: &EmitterReceiver) -> Option<EmittersTerm>;
-}
-
-/// A place that asks for the light of emitting surfaces.
-pub(crate) struct EmitterReceiver<'a> {
-    pub(crate) world: &'a World,
-    pub(crate) time: f32,
-    pub(crate) point: DVec3,
-    /// The unit shading normal on the viewer's side.
-    pub(crate) normal: DVec3,
-    /// The unit geometric normal on the viewer's side.
-    pub(crate) facing: DVec3,
-    /// The origin of shadow rays.
-    pub(crate) start: Vec3,
-    /// The source of random numbers, and the dimension for this use.
-    pub(crate) sample: &'a Sample,
-    pub(crate) dimension: Dimension,
 }
 
 /// The number of camera rays and child rays between two calls of the cancel callback.

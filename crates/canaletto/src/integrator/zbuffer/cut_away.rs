@@ -1,9 +1,9 @@
 //! What the near and far planes of a scene cut away from a z-buffer's picture.
 
-use super::facets::corners;
 use crate::camera::Camera;
 use crate::integrator::Omission;
 use crate::job::PlacedJob;
+use crate::raster::facets::corners;
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
 use canaletto_bvh::{Aabb, Ray};
 use glam::DVec3;

@@ -1,12 +1,12 @@
 //! The explanation of a pixel: the triangles that cover it, and the test of their depths.
 
-use super::fragment::VisibleTriangle;
-use super::raster::ScreenTriangle;
 use super::{DrawnSamples, PixelPart, Zbuffer, ZbufferWorker};
 use super::{background, differential, draws_sample_by_sample, refine};
 use crate::film::WeightedSum;
 use crate::integrator::{Probe, RayKind};
 use crate::math::Rgb;
+use crate::raster::coverage::ScreenTriangle;
+use crate::raster::visible_triangle::VisibleTriangle;
 use serde::Serialize;
 use std::ops::ControlFlow;
 

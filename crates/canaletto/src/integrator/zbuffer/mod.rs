@@ -1,58 +1,47 @@
 //! A rasteriser with a z-buffer (Catmull 1974), for the comparison that the chapter makes with ray tracing.
 //!
-//! [`geometry`] projects all triangles into the tiles of the picture. Each tile then finds the nearest triangle at each
-//! sample ([`raster`]). Shading comes last, once for each visible triangle of a pixel, by the code of the classic
-//! integrator. Curved shapes are tessellated within a tolerance in pixels ([`facets`]). Shadows come from
+//! [`geometry`](crate::raster::geometry) projects all triangles into the tiles of the picture. Each tile then finds the
+//! nearest triangle at each sample ([`coverage`]). Shading comes last, once for each visible triangle of a pixel, by the code of the classic
+//! integrator. Curved shapes are tessellated within a tolerance in pixels ([`facets`](crate::raster::facets)). Shadows come from
 //! [`shadow_map`].
 //!
 //! The z-buffer draws what lies between the camera's near and far planes. It has no reflected and refracted rays, no
 //! lens and no motion: everything is drawn at the opening of the shutter.
 
-mod clip;
 mod cut_away;
-mod depth_range;
 mod description;
 mod explain;
-mod facets;
-mod fragment;
-mod geometry;
-mod item_buffer;
 mod omissions;
-mod projection;
-mod raster;
 mod shadow_map;
-mod triangle_hits;
-mod triangle_setup;
-mod unshaded_view;
 
 use super::camera_rays::progressive_spacing;
 use super::prepared::{RayWatcher, TileBlock};
+use super::shading::Fragment;
 use super::visible_hit::background;
-use super::whitted::{Fragment, Whitted};
+use super::whitted::Whitted;
 use super::{Cancelled, Counts, FirstHit, IntegratorWorker, PreparedIntegrator, Probe};
 use crate::camera::Camera;
 use crate::film::{TileBuffer, WeightedSum};
 use crate::job::{Aov, Job, JobError, Observer, PlacedJob};
 use crate::math::{DRay, RayDifferential, Rgb};
+use crate::raster::coverage::{self, NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
+use crate::raster::depth_range::{DepthRange, view_bounds};
+use crate::raster::facets::Tolerance;
+use crate::raster::geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
+use crate::raster::projection::Projection;
+use crate::raster::triangle_hits::TriangleHits;
+use crate::raster::unshaded_view::refined_depth;
+use crate::raster::visible_triangle::{FacetCache, VisibleTriangle};
 use crate::sampler::{FrameSampler, Sample};
 use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, World};
-use depth_range::{DepthRange, view_bounds};
 use explain::ExplainedTile;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
-use facets::Tolerance;
-use fragment::{FacetCache, VisibleTriangle};
-use geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
 use glam::DVec3;
-pub(crate) use item_buffer::{Item, ItemView};
 use omissions::omissions;
-use projection::Projection;
-use raster::{NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicUsize;
-use triangle_hits::TriangleHits;
-use unshaded_view::refined_depth;
 
 /// The most bytes of all shadow maps.
 const MOST_MAP_BYTES: u64 = 4 << 30;
@@ -428,8 +417,8 @@ impl ZbufferWorker<'_> {
             let begin = parts.len();
             if let [place] = sites.places[..] {
                 let place = [
-                    corner[0] + f64::from(place[0]) / raster::SUBPIXELS as f64,
-                    corner[1] + f64::from(place[1]) / raster::SUBPIXELS as f64,
+                    corner[0] + f64::from(place[0]) / coverage::SUBPIXELS as f64,
+                    corner[1] + f64::from(place[1]) / coverage::SUBPIXELS as f64,
                 ];
                 let number = self.visibility.number(0, from_below);
                 parts.push(PixelPart { pixel, number, place, share: 1.0, is_first: true });
@@ -437,7 +426,7 @@ impl ZbufferWorker<'_> {
             }
             for (site, place) in sites.places.iter().enumerate() {
                 let number = self.visibility.number(site, from_below);
-                let place = [0, 1].map(|i: usize| corner[i] + f64::from(place[i]) / raster::SUBPIXELS as f64);
+                let place = [0, 1].map(|i: usize| corner[i] + f64::from(place[i]) / coverage::SUBPIXELS as f64);
                 let known = parts[begin..].iter_mut().find(|part| !shades_each_site && part.number == number);
                 match known {
                     Some(part) => {

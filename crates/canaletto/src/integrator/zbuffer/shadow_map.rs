@@ -7,12 +7,12 @@
 //!
 //! Shapes without bounds are in no map. A shadow ray is tested with each of them.
 
-use super::facets::{Tolerance, corners};
-use super::projection::{Projection, depth_plane};
-use super::unshaded_view::UnshadedView;
-use crate::integrator::whitted::ShadowLookup;
+use crate::integrator::shading::ShadowLookup;
 use crate::light::{LightKind, PreparedLight};
 use crate::material::PreparedMaterial;
+use crate::raster::facets::{Tolerance, corners};
+use crate::raster::projection::{Projection, depth_plane};
+use crate::raster::unshaded_view::UnshadedView;
 use crate::world::{Hit, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};

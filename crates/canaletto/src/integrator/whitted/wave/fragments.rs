@@ -3,30 +3,14 @@
 use super::Wave;
 use crate::integrator::Probe;
 use crate::integrator::media;
+use crate::integrator::shading::Fragment;
 use crate::integrator::visible_hit::{Footprint, VisibleHit};
 use crate::integrator::whitted::Whitted;
 use crate::integrator::whitted::interaction::SurfaceInteraction;
 use crate::integrator::whitted::ray_state::{PathState, RayState};
 use crate::material::MaterialPoint;
-use crate::math::{DRay, RayDifferential, Rgb};
-use crate::sampler::Sample;
+use crate::math::Rgb;
 use crate::shape::{Surface, SurfaceInputs8};
-use crate::world::{Hit, MeshFacet};
-
-/// A visible place of a surface.
-pub(crate) struct Fragment<'a> {
-    /// The line from the eye to the place.
-    pub(crate) line: DRay,
-    pub(crate) hit: Hit,
-    /// The triangle that stands for the surface, if that is curved.
-    pub(crate) facet: Option<MeshFacet<'a>>,
-    /// Whether the geometric normal is shaded in place of the shading normal.
-    pub(crate) is_flat: bool,
-    /// The ray differential to the neighbouring samples, if the world needs it.
-    pub(crate) differential: Option<RayDifferential>,
-    /// The source of random numbers.
-    pub(crate) sample: Sample,
-}
 
 /// Fragments that are shaded together.
 pub(crate) struct FragmentWave<'a, 'w> {

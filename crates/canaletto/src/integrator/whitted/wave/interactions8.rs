@@ -1,8 +1,9 @@
 //! Interactions and the light that arrives at them, eight side by side. Lengths, directions, cosines and colours are
 //! computed for all eight at once.
 
+use crate::integrator::shading::BEFORE_LIGHT;
 use crate::integrator::visible_hit::Frame;
-use crate::integrator::whitted::direct::{BEFORE_LIGHT, contribution, lit};
+use crate::integrator::whitted::direct::{contribution, lit};
 use crate::light::Illumination;
 use crate::material::MaterialPoint;
 use crate::math::{Rgb, saturate};

@@ -21,7 +21,6 @@ use crate::scene::Stage;
 use crate::shape::SurfaceInputs8;
 use crate::world::{RayBundle, ShadowRays, World};
 use direct::Lighting;
-pub(crate) use fragments::Fragment;
 use interactions::{Interaction, Interactions};
 use ray_batch::RayBatch;
 

@@ -1,8 +1,8 @@
 //! From a place on a visible triangle back to a hit in the world, for the shading code of the ray tracer.
 
+use super::coverage::{ScreenTriangle, Source};
 use super::facets::{Facets, Tolerance};
 use super::geometry::BinnedTriangles;
-use super::raster::{ScreenTriangle, Source};
 use super::triangle_hits::{TriangleHits, triangle_hit};
 use crate::math::{DRay, Transform};
 use crate::shape::{Shape, ShapeHit};
@@ -12,12 +12,12 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 /// A triangle of the world at hand: its corners and what is needed for hits on it.
-pub(super) struct VisibleTriangle<'a> {
-    pub(super) source: Source,
+pub(crate) struct VisibleTriangle<'a> {
+    pub(crate) source: Source,
     /// The corners in the primitive's space.
-    pub(super) corners: [Vec3; 3],
+    pub(crate) corners: [Vec3; 3],
     exact_corners: [DVec3; 3],
-    pub(super) to_world: Option<&'a Transform>,
+    pub(crate) to_world: Option<&'a Transform>,
     /// The part of the shape.
     part: u32,
     /// The tessellation, if the triangle isn't the surface itself.
@@ -35,7 +35,7 @@ enum Shapes<'a> {
 
 /// What a thread knows of the geometries behind triangles.
 #[derive(Default)]
-pub(super) struct FacetCache<'w> {
+pub(crate) struct FacetCache<'w> {
     placed: Vec<PlacedGeometry<'w>>,
     /// The place in `placed` of each instance.
     instances: HashMap<u32, usize>,
@@ -51,7 +51,7 @@ const MOST_BYTES: usize = 8 << 20;
 
 impl<'w> FacetCache<'w> {
     /// Forgets everything.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.placed.clear();
         self.instances.clear();
         self.facets.clear();
@@ -60,7 +60,7 @@ impl<'w> FacetCache<'w> {
     }
 
     /// Forgets tessellations that take too much memory.
-    pub(super) fn trim(&mut self) {
+    pub(crate) fn trim(&mut self) {
         if self.bytes > MOST_BYTES {
             self.facets.clear();
             self.bytes = 0;
@@ -85,7 +85,7 @@ impl<'w> FacetCache<'w> {
 
     /// Makes sure that the triangle's geometry is at hand.
     #[inline]
-    pub(super) fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         source: Source,
         world: &'w World,
@@ -117,7 +117,7 @@ impl<'w> FacetCache<'w> {
 
     /// The triangle in the world, if its surface decides where it is and how deep.
     #[inline]
-    pub(super) fn triangle_to_refine<'a>(
+    pub(crate) fn triangle_to_refine<'a>(
         &'a mut self,
         triangle: &ScreenTriangle,
         world: &'w World,
@@ -134,7 +134,7 @@ impl<'w> FacetCache<'w> {
 
     /// A triangle, for which [`FacetCache::prepare`] was called.
     #[inline]
-    pub(super) fn triangle<'a>(
+    pub(crate) fn triangle<'a>(
         &'a self,
         source: Source,
         world: &'a World,
@@ -168,12 +168,12 @@ impl<'w> FacetCache<'w> {
 
 impl VisibleTriangle<'_> {
     /// The facet to be evaluated in place of the shape's own surface.
-    pub(super) fn facet(&self) -> Option<MeshFacet<'_>> {
+    pub(crate) fn facet(&self) -> Option<MeshFacet<'_>> {
         self.facets.map(|facets| MeshFacet { mesh: &facets.mesh, triangle: self.source.triangle, color: facets.color })
     }
 
     /// The share of the surface that exists at a hit of a line.
-    pub(super) fn coverage(&self, world: &World, line: DRay, hit: &Hit) -> f32 {
+    pub(crate) fn coverage(&self, world: &World, line: DRay, hit: &Hit) -> f32 {
         match self.facet() {
             Some(facet) => world.crossed_facet(line, hit, &facet).coverage,
             None => world.coverage_at(line, hit),
@@ -181,7 +181,7 @@ impl VisibleTriangle<'_> {
     }
 
     /// Whether the triangle is of a tessellation.
-    pub(super) fn is_tessellated(&self) -> bool {
+    pub(crate) fn is_tessellated(&self) -> bool {
         self.shapes.is_some()
     }
 
@@ -195,7 +195,7 @@ impl VisibleTriangle<'_> {
 
     /// The parameter t where a line from the viewer meets the curved surface that the triangle stands for. `t` is where
     /// it meets the triangle; it is returned if the surface isn't met near it on the same side.
-    pub(super) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
+    pub(crate) fn surface_near(&self, line: &DRay, t: f64) -> f64 {
         self.crossing_near(line, t).map_or(t, |(t, _)| t)
     }
 
@@ -234,7 +234,7 @@ impl VisibleTriangle<'_> {
 
     /// The hit of a line on the surface that the triangle stands for, where `hit` is that on the triangle. None where
     /// the line misses the surface, and where the triangle is the surface.
-    pub(super) fn surface_hit(&self, line: &DRay, hit: &Hit) -> Option<Hit> {
+    pub(crate) fn surface_hit(&self, line: &DRay, hit: &Hit) -> Option<Hit> {
         let of = |met: ShapeHit| Hit { t: met.t, part: met.part, uv: met.uv, ..*hit };
         // The ray from the viewer finds the hit that a ray tracer has. It may be one on another part of the surface.
         let own = |shape: Shape| shape.intersect(&self.to_local(line).rounded(), f32::INFINITY);
@@ -258,7 +258,7 @@ impl VisibleTriangle<'_> {
     }
 
     /// The distance along a line that the roundings of `f32` in a hit on the surface are certain to be less than.
-    pub(super) fn rounding(&self, line: &DRay) -> f64 {
+    pub(crate) fn rounding(&self, line: &DRay) -> f64 {
         const ROUNDINGS: f64 = 1.0 / (1u32 << 20) as f64;
         let local = self.to_local(line);
         let corners = self.corners.map(|corner| f64::from(corner.abs().max_element()));
@@ -267,19 +267,19 @@ impl VisibleTriangle<'_> {
 
     /// The hit of a line on the triangle, or at the place of the triangle that is nearest to the line: a sample of a
     /// snapped triangle may lie just beside it.
-    pub(super) fn hit(&self, line: &DRay) -> Hit {
+    pub(crate) fn hit(&self, line: &DRay) -> Hit {
         self.hit_found(line, triangle_hit(&self.to_local(line).rounded(), &self.corners))
     }
 
     /// Adds the line to those whose hits are found together.
     #[inline]
-    pub(super) fn push_line(&self, line: &DRay, hits: &mut TriangleHits) {
+    pub(crate) fn push_line(&self, line: &DRay, hits: &mut TriangleHits) {
         hits.push(&self.to_local(line).rounded(), &self.corners);
     }
 
     /// [`VisibleTriangle::hit`], where `found` is what [`TriangleHits`] found.
     #[inline(always)]
-    pub(super) fn hit_found(&self, line: &DRay, found: Option<(f32, [f32; 2])>) -> Hit {
+    pub(crate) fn hit_found(&self, line: &DRay, found: Option<(f32, [f32; 2])>) -> Hit {
         let (t, uv) = found.unwrap_or_else(|| self.nearest(&self.to_local(line)));
         self.source.hit(t, uv, self.part)
     }
@@ -319,7 +319,7 @@ impl VisibleTriangle<'_> {
     }
 
     /// The line from the eye to the point with these barycentric coordinates, and the hit there.
-    pub(super) fn seen_from(&self, eye: DVec3, uv: [f32; 2]) -> (DRay, Hit) {
+    pub(crate) fn seen_from(&self, eye: DVec3, uv: [f32; 2]) -> (DRay, Hit) {
         let local = self.point(uv);
         let point = self.to_world.map_or(local, |t| t.point(local));
         let distance = (point - eye).length();

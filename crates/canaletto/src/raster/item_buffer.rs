@@ -1,11 +1,11 @@
 //! Item buffers: which primitive is seen at each pixel (Weghorst, Hooper and Greenberg, *Improved Computational Methods
 //! for Ray Tracing*, 1984). Hemicubes are made of five of them.
 
+use super::coverage::{NOTHING, ScreenTriangle, Source};
 use super::facets::{Tolerance, corners};
-use super::fragment::VisibleTriangle;
 use super::projection::Projection;
-use super::raster::{NOTHING, ScreenTriangle, Source};
 use super::unshaded_view::{DrawnTile, UnshadedView};
+use super::visible_triangle::VisibleTriangle;
 use crate::sampler::Sampler;
 use crate::shape::Shape;
 use crate::world::{Hit, ObjectSurface, World};

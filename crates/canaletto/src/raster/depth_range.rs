@@ -24,17 +24,17 @@ const REACH: f64 = (1u32 << 24) as f64;
 
 /// The distances along the optical axis between which a view is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct DepthRange {
-    pub(super) near: f64,
+pub(crate) struct DepthRange {
+    pub(crate) near: f64,
     /// Infinite if nothing is too far.
-    pub(super) far: f64,
+    pub(crate) far: f64,
     /// The distance from the eye to which shapes without bounds are drawn.
-    pub(super) reach: f64,
+    pub(crate) reach: f64,
 }
 
 impl DepthRange {
     /// The range of a camera at rest.
-    pub(super) fn new(world: &World, camera: &Camera) -> DepthRange {
+    pub(crate) fn new(world: &World, camera: &Camera) -> DepthRange {
         let eye = camera.eye();
         let (mut nearest, mut farthest) = (f64::INFINITY, 0.0f64);
         for number in 0..world.placed_geometry_count() {
@@ -70,7 +70,7 @@ fn distances(eye: DVec3, bounds: &Aabb) -> [f64; 2] {
 }
 
 /// The box around the camera's view, between its planes.
-pub(super) fn view_bounds(camera: &Camera, range: &DepthRange) -> Aabb {
+pub(crate) fn view_bounds(camera: &Camera, range: &DepthRange) -> Aabb {
     if range.far.is_infinite() {
         let (eye, reach) = (camera.eye().as_vec3(), DVec3::splat(range.reach).as_vec3());
         return Aabb { min: eye - reach, max: eye + reach };

@@ -8,38 +8,38 @@ use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, DVec4};
 
 /// The parts of a pixel that corners are snapped to.
-pub(super) const SUBPIXELS: i64 = 256;
+pub(crate) const SUBPIXELS: i64 = 256;
 /// The largest distance of a corner from the picture's corner in pixels. Snapped corners are less than 2²⁹ steps away.
 /// The difference of two is less than 2³⁰, so an edge function is less than 2⁶².
-pub(super) const GUARD_BAND: f64 = (1u32 << 21) as f64;
+pub(crate) const GUARD_BAND: f64 = (1u32 << 21) as f64;
 
 /// The origin of a triangle on the screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Source {
+pub(crate) struct Source {
     /// [`Hit::instance`](crate::world::Hit::instance).
-    pub(super) instance: u32,
+    pub(crate) instance: u32,
     /// [`Hit::primitive`](crate::world::Hit::primitive).
-    pub(super) primitive: u32,
+    pub(crate) primitive: u32,
     /// The triangle of the primitive's tessellation; 0 for triangles of meshes.
-    pub(super) triangle: u32,
+    pub(crate) triangle: u32,
     /// Whether the primitive is a triangle of a mesh.
-    pub(super) is_of_mesh: bool,
+    pub(crate) is_of_mesh: bool,
 }
 
 /// A triangle on the screen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ScreenTriangle {
+pub(crate) struct ScreenTriangle {
     /// The corners in 1/256 pixels, counter-clockwise with y upwards.
     corners: [[i32; 2]; 3],
     /// The depth as a function α x + β y + γ of the place in pixels.
     plane: DVec3,
     /// The least and the largest depth of the corners. Planes that are seen nearly edge on have huge gradients.
     range: [f32; 2],
-    pub(super) source: Source,
+    pub(crate) source: Source,
     /// Whether parts of it may be cut out.
-    pub(super) has_holes: bool,
+    pub(crate) has_holes: bool,
     /// Whether it stands for a curved surface, whose own depths are compared.
-    pub(super) is_curved: bool,
+    pub(crate) is_curved: bool,
 }
 
 impl ScreenTriangle {
@@ -55,14 +55,14 @@ impl ScreenTriangle {
 
     /// The triangle with these corners, whose W is positive, on the plane of a depth. None if it has no area after
     /// snapping.
-    pub(super) fn new(corners: &[DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
+    pub(crate) fn new(corners: &[DVec4; 3], plane: DVec3, source: Source) -> Option<ScreenTriangle> {
         let (snapped, range) = Self::snapped(corners);
         Self::of_snapped(snapped, plane, range, source)
     }
 
     /// The places of the corners in 1/256 pixels, and the least and the largest depth.
     #[inline(always)]
-    pub(super) fn snapped([a, b, c]: &[DVec4; 3]) -> ([[i32; 2]; 3], [f32; 2]) {
+    pub(crate) fn snapped([a, b, c]: &[DVec4; 3]) -> ([[i32; 2]; 3], [f32; 2]) {
         let [ia, ib, ic] = [1.0 / a.z, 1.0 / b.z, 1.0 / c.z];
         let depths = [(a.w * ia) as f32, (b.w * ib) as f32, (c.w * ic) as f32];
         let least = |a: f32, b: f32| if b < a { b } else { a };
@@ -73,7 +73,7 @@ impl ScreenTriangle {
 
     /// The triangle with these corners in 1/256 pixels. None if it has no area.
     #[inline(always)]
-    pub(super) fn of_snapped(
+    pub(crate) fn of_snapped(
         snapped: [[i32; 2]; 3],
         plane: DVec3,
         range: [f32; 2],
@@ -97,7 +97,7 @@ impl ScreenTriangle {
     /// The first and the last column and row of pixels, `[x, y]` each, that hold one of the triangle's samples. `sites`
     /// bounds the samples' places in a pixel. None if there are none within the rectangle from `low` to `high`.
     #[inline(always)]
-    pub(super) fn pixels(&self, sites: &Sites, low: [i32; 2], high: [i32; 2]) -> Option<[[i32; 2]; 2]> {
+    pub(crate) fn pixels(&self, sites: &Sites, low: [i32; 2], high: [i32; 2]) -> Option<[[i32; 2]; 2]> {
         let [a, b, c] = self.corners;
         let (mut first, mut last) = ([0; 2], [0; 2]);
         for axis in 0..2 {
@@ -111,17 +111,17 @@ impl ScreenTriangle {
 
     /// Whether its surface decides where it is and how deep: it may have holes, or is curved.
     #[inline(always)]
-    pub(super) fn needs_refinement(&self) -> bool {
+    pub(crate) fn needs_refinement(&self) -> bool {
         self.has_holes || self.is_curved
     }
 
     /// The corners in pixels, counter-clockwise with y upwards.
-    pub(super) fn corners_in_pixels(&self) -> [[f64; 2]; 3] {
+    pub(crate) fn corners_in_pixels(&self) -> [[f64; 2]; 3] {
         self.corners.map(|corner| corner.map(|v| f64::from(v) / SUBPIXELS as f64))
     }
 
     /// Whether the triangle covers the place in 1/256 pixels that is nearest to a place in pixels.
-    pub(super) fn covers(&self, place: [f64; 2]) -> bool {
+    pub(crate) fn covers(&self, place: [f64; 2]) -> bool {
         let place = place.map(|v| (v * SUBPIXELS as f64).round_ties_even() as i64);
         let [a, b, c] = self.corners.map(|p| p.map(i64::from));
         [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| edge(from, to, place) >= least_inside(from, to))
@@ -137,7 +137,7 @@ impl ScreenTriangle {
 
     /// The depth at a place in pixels.
     #[inline(always)]
-    pub(super) fn depth(&self, x: f64, y: f64) -> f32 {
+    pub(crate) fn depth(&self, x: f64, y: f64) -> f32 {
         let depth = (self.plane.x * x + self.plane.y * y + self.plane.z) as f32;
         // Without the rules of `f32::max` for NaN, which cost instructions.
         let [farthest, nearest] = self.range;
@@ -177,9 +177,9 @@ fn least_inside([ax, ay]: [i64; 2], [bx, by]: [i64; 2]) -> i64 {
 
 /// The places of a pixel's samples.
 #[derive(Clone, Debug)]
-pub(super) struct Sites {
+pub(crate) struct Sites {
     /// The places in 1/256 pixels, to the right and upwards from the pixel's lower left corner.
-    pub(super) places: Vec<[i32; 2]>,
+    pub(crate) places: Vec<[i32; 2]>,
     /// The least and the largest coordinates.
     first: [i32; 2],
     last: [i32; 2],
@@ -187,7 +187,7 @@ pub(super) struct Sites {
 
 impl Sites {
     /// The sites at these places, in pixels.
-    pub(super) fn new(places: impl IntoIterator<Item = [f64; 2]>) -> Sites {
+    pub(crate) fn new(places: impl IntoIterator<Item = [f64; 2]>) -> Sites {
         let snap = |v: f64| (v * SUBPIXELS as f64).round_ties_even() as i32;
         let places: Vec<[i32; 2]> = places.into_iter().map(|place| place.map(snap)).collect();
         let (mut first, mut last) = ([i32::MAX; 2], [i32::MIN; 2]);
@@ -201,7 +201,7 @@ impl Sites {
     }
 
     /// The standard pattern of 1, 2, 4 or 8 samples around this place: rows and columns are all different.
-    pub(super) fn pattern(samples: u32, [x, y]: [f64; 2]) -> Sites {
+    pub(crate) fn pattern(samples: u32, [x, y]: [f64; 2]) -> Sites {
         // In sixteenths of a pixel.
         let pattern: &[[i32; 2]] = match samples {
             2 => &[[4, 4], [-4, -4]],
@@ -215,7 +215,7 @@ impl Sites {
     /// The first and the last pixel from `low` to `high` along an axis that may hold samples of a triangle with these
     /// coordinates in 1/256 pixels.
     #[inline(always)]
-    pub(super) fn pixels(&self, axis: usize, [a, b, c]: [i32; 3], low: i32, high: i32) -> (i32, i32) {
+    pub(crate) fn pixels(&self, axis: usize, [a, b, c]: [i32; 3], low: i32, high: i32) -> (i32, i32) {
         let (least, most) = (a.min(b).min(c), a.max(b).max(c));
         // The first pixel with a site at or after the least coordinate, the last with one before the largest.
         let first =
@@ -225,7 +225,7 @@ impl Sites {
     }
 
     /// The number of sites in a pixel.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.places.len()
     }
 }
@@ -234,11 +234,11 @@ impl Sites {
 const LANES: usize = 8;
 
 /// No triangle.
-pub(super) const NOTHING: u32 = u32::MAX;
+pub(crate) const NOTHING: u32 = u32::MAX;
 
 /// The nearest triangle at each sample of a rectangle of pixels: a visibility buffer (Burns and Hunt 2013).
 #[derive(Default)]
-pub(super) struct VisibilityBuffer {
+pub(crate) struct VisibilityBuffer {
     /// The lower left pixel, and the size in pixels.
     corner: [i32; 2],
     size: [i32; 2],
@@ -250,7 +250,7 @@ pub(super) struct VisibilityBuffer {
 
 impl VisibilityBuffer {
     /// Removes everything. The buffer then holds this rectangle, and what is farther than `far_depth` isn't drawn.
-    pub(super) fn reset(&mut self, corner: [i32; 2], size: [i32; 2], sites: &Sites, far_depth: f32) {
+    pub(crate) fn reset(&mut self, corner: [i32; 2], size: [i32; 2], sites: &Sites, far_depth: f32) {
         (self.corner, self.size) = (corner, size);
         let samples = size[0] as usize * size[1] as usize * sites.len() + LANES;
         self.depths.clear();
@@ -261,18 +261,18 @@ impl VisibilityBuffer {
 
     /// The number of the triangle at a pixel's sample; the pixel counts from the lower left corner in rows.
     #[inline]
-    pub(super) fn number(&self, site: usize, pixel: usize) -> u32 {
+    pub(crate) fn number(&self, site: usize, pixel: usize) -> u32 {
         self.numbers[site * self.size[0] as usize * self.size[1] as usize + pixel]
     }
 
     /// All depths of the first site, in rows from below.
-    pub(super) fn depths(&self) -> &[f32] {
+    pub(crate) fn depths(&self) -> &[f32] {
         &self.depths[..self.size[0] as usize * self.size[1] as usize]
     }
 
     /// Draws triangles with their numbers. Nearer depths win; of equal depths, the triangle that was drawn first.
     /// Triangles that [need refinement](ScreenTriangle::needs_refinement) are given to `refined`, which draws them.
-    pub(super) fn draw<'t>(
+    pub(crate) fn draw<'t>(
         &mut self,
         triangles: impl Iterator<Item = (u32, &'t ScreenTriangle)>,
         sites: &Sites,
@@ -323,7 +323,7 @@ impl VisibilityBuffer {
 
     /// Draws triangle number `number` of a surface with holes or of a curved one. `refine` gets the place in pixels and
     /// the triangle's depth there, and returns the surface's own depth, or none where nothing is there.
-    pub(super) fn draw_refined(
+    pub(crate) fn draw_refined(
         &mut self,
         triangle: &ScreenTriangle,
         number: u32,

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 /// Rays from the viewer, each with the triangle that it sees.
 #[derive(Default)]
-pub(super) struct TriangleHits {
+pub(crate) struct TriangleHits {
     groups: Vec<TriangleHits8>,
     len: usize,
 }
@@ -68,7 +68,7 @@ fn meet([origin, direction]: [[f32; 3]; 2], corners: [[f32; 3]; 3]) -> (bool, f3
 }
 
 /// The hit of a ray on a triangle: t and the barycentric coordinates. None if the ray passes beside the triangle.
-pub(super) fn triangle_hit(ray: &Ray, corners: &[Vec3; 3]) -> Option<(f32, [f32; 2])> {
+pub(crate) fn triangle_hit(ray: &Ray, corners: &[Vec3; 3]) -> Option<(f32, [f32; 2])> {
     let (is_inside, t, uv) = meet([ray.origin, ray.direction].map(|v| v.to_array()), corners.map(|v| v.to_array()));
     is_inside.then_some((t, uv))
 }
@@ -102,13 +102,13 @@ impl Kernel for Find<'_> {
 }
 
 impl TriangleHits {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.len = 0;
     }
 
     /// Adds a ray and the triangle that it sees.
     #[inline]
-    pub(super) fn push(&mut self, ray: &Ray, corners: &[Vec3; 3]) {
+    pub(crate) fn push(&mut self, ray: &Ray, corners: &[Vec3; 3]) {
         let (number, lane) = (self.len / SURFACES, self.len % SURFACES);
         if number == self.groups.len() {
             self.groups.push(TriangleHits8::NOTHING);
@@ -123,13 +123,13 @@ impl TriangleHits {
     }
 
     /// Finds the hits of all rays.
-    pub(super) fn find(&mut self) {
+    pub(crate) fn find(&mut self) {
         InstructionSet::run(Find(&mut self.groups[..self.len.div_ceil(SURFACES)]));
     }
 
     /// [`triangle_hit`] of a ray.
     #[inline]
-    pub(super) fn get(&self, index: usize) -> Option<(f32, [f32; 2])> {
+    pub(crate) fn get(&self, index: usize) -> Option<(f32, [f32; 2])> {
         let (group, lane) = (&self.groups[index / SURFACES], index % SURFACES);
         group.is_inside[lane].then(|| (group.t[lane], [group.uv[0][lane], group.uv[1][lane]]))
     }

@@ -1,14 +1,14 @@
 //! Clipping in homogeneous space (Blinn and Newell, *Clipping Using Homogeneous Coordinates*, 1978; Sutherland and
 //! Hodgman, *Reentrant Polygon Clipping*, 1974).
 
-use super::raster::GUARD_BAND;
+use super::coverage::GUARD_BAND;
 use glam::DVec4;
 
 /// The most corners of a clipped triangle: each of the five planes adds at most one.
 const MOST: usize = 8;
 
 /// A convex polygon.
-pub(super) struct Polygon {
+pub(crate) struct Polygon {
     corners: [DVec4; MOST],
     len: usize,
 }
@@ -16,7 +16,7 @@ pub(super) struct Polygon {
 impl Polygon {
     /// The part of a triangle in front of the near plane and within the guard band. Neighbouring triangles are cut at
     /// points of equal bits: each cut is computed from the edge's end in front of the plane towards the end behind it.
-    pub(super) fn clipped(triangle: [DVec4; 3], near: DVec4) -> Polygon {
+    pub(crate) fn clipped(triangle: [DVec4; 3], near: DVec4) -> Polygon {
         let mut polygon = Polygon { corners: [DVec4::ZERO; MOST], len: 3 };
         polygon.corners[..3].copy_from_slice(&triangle);
         polygon.cut(near);
@@ -32,7 +32,7 @@ impl Polygon {
     }
 
     /// The corners, counter-clockwise if the triangle's were.
-    pub(super) fn corners(&self) -> &[DVec4] {
+    pub(crate) fn corners(&self) -> &[DVec4] {
         &self.corners[..self.len]
     }
 

@@ -1,8 +1,8 @@
 //! Triangle set-up: triangles in homogeneous coordinates become triangles on the screen, eight side by side.
 
+use super::coverage::{GUARD_BAND, ScreenTriangle, Sites, Source};
 use super::geometry::Screen;
 use super::projection::depth_plane;
-use super::raster::{GUARD_BAND, ScreenTriangle, Sites, Source};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DVec3, DVec4};
 
@@ -10,20 +10,20 @@ use glam::{DVec3, DVec4};
 const LANES: usize = 8;
 
 /// The number of triangles that are set up by one call of a kernel.
-pub(super) const TOGETHER: usize = 8 * LANES;
+pub(crate) const TOGETHER: usize = 8 * LANES;
 
 /// What triangles are set up for.
 #[derive(Clone, Copy)]
-pub(super) struct SetupTarget<'a> {
-    pub(super) screen: &'a Screen,
-    pub(super) sites: &'a Sites,
+pub(crate) struct SetupTarget<'a> {
+    pub(crate) screen: &'a Screen,
+    pub(crate) sites: &'a Sites,
     /// Points with a negative product lie in front of the near plane.
-    pub(super) near: DVec4,
+    pub(crate) near: DVec4,
 }
 
 /// What becomes of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Setup {
+pub(crate) enum Setup {
     /// All of it lies beyond one border of the view, it is seen edge on, or it covers no sample.
     Unseen,
     /// It has to be clipped.
@@ -33,7 +33,7 @@ pub(super) enum Setup {
 }
 
 /// Triangles that are set up together.
-pub(super) struct TriangleSetup {
+pub(crate) struct TriangleSetup {
     groups: [TriangleSetup8; TOGETHER / LANES],
     len: usize,
 }
@@ -111,7 +111,7 @@ fn is_finite(v: DVec3) -> bool {
 
 /// Whether a corner needs no clipping.
 #[inline(always)]
-pub(super) fn is_in_guard_band(near: DVec4, p: &DVec4) -> bool {
+pub(crate) fn is_in_guard_band(near: DVec4, p: &DVec4) -> bool {
     let most = GUARD_BAND * p.z;
     (near.dot(*p) >= 0.0) & (p.z > 0.0) & (p.x.abs() <= most) & (p.y.abs() <= most)
 }
@@ -130,17 +130,17 @@ impl Kernel for SetUp<'_> {
 }
 
 impl TriangleSetup {
-    pub(super) fn new() -> TriangleSetup {
+    pub(crate) fn new() -> TriangleSetup {
         TriangleSetup { groups: [TriangleSetup8::NOTHING; TOGETHER / LANES], len: 0 }
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.len = 0;
     }
 
     /// Adds a triangle, to at most [`TOGETHER`] in all.
     #[inline(always)]
-    pub(super) fn push(&mut self, corners: [DVec4; 3]) {
+    pub(crate) fn push(&mut self, corners: [DVec4; 3]) {
         let (group, lane) = (&mut self.groups[self.len / LANES], self.len % LANES);
         for (to, corner) in group.corners.iter_mut().zip(corners) {
             (to[0][lane], to[1][lane], to[2][lane], to[3][lane]) = (corner.x, corner.y, corner.z, corner.w);
@@ -149,25 +149,25 @@ impl TriangleSetup {
     }
 
     /// Sets all triangles up.
-    pub(super) fn run(&mut self, target: SetupTarget) {
+    pub(crate) fn run(&mut self, target: SetupTarget) {
         InstructionSet::run(SetUp(&mut self.groups[..self.len.div_ceil(LANES)], target));
     }
 
     /// The corners of a triangle.
-    pub(super) fn corners(&self, index: usize) -> [DVec4; 3] {
+    pub(crate) fn corners(&self, index: usize) -> [DVec4; 3] {
         let (group, lane) = (&self.groups[index / LANES], index % LANES);
         [0, 1, 2].map(|corner| group.corner(corner, lane))
     }
 
     /// Whether the corners of a triangle run counter-clockwise, seen from the eye.
     #[inline(always)]
-    pub(super) fn is_counter_clockwise(&self, index: usize) -> bool {
+    pub(crate) fn is_counter_clockwise(&self, index: usize) -> bool {
         self.groups[index / LANES].is_counter_clockwise[index % LANES]
     }
 
     /// The result for a triangle of this source.
     #[inline(always)]
-    pub(super) fn get(&self, index: usize, source: Source) -> Setup {
+    pub(crate) fn get(&self, index: usize, source: Source) -> Setup {
         let (group, lane) = (&self.groups[index / LANES], index % LANES);
         if group.is_unseen[lane] {
             return Setup::Unseen;

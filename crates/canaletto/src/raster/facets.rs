@@ -9,7 +9,7 @@ use canaletto_bvh::Aabb;
 use glam::{DVec3, Vec2, Vec3};
 
 /// The most triangles of one shape. A shape that needs more is drawn with a larger tolerance.
-pub(super) const MOST_TRIANGLES: usize = 1 << 20;
+pub(crate) const MOST_TRIANGLES: usize = 1 << 20;
 
 /// The most triangles of equal parts of a shape. A shape that needs more, such as a large one around the viewer, is cut
 /// more finely where it is nearer.
@@ -17,19 +17,19 @@ const MOST_EVEN_TRIANGLES: usize = 1 << 15;
 
 /// The tessellation of one shape in its own space.
 #[derive(Debug)]
-pub(super) struct Facets {
-    pub(super) mesh: Mesh,
+pub(crate) struct Facets {
+    pub(crate) mesh: Mesh,
     /// The part of the shape that each triangle stands for.
-    pub(super) parts: Vec<u32>,
+    pub(crate) parts: Vec<u32>,
     /// The shape's own colour.
-    pub(super) color: Option<Rgb>,
+    pub(crate) color: Option<Rgb>,
     /// Whether the triangles are the shape itself, so that its own surface is evaluated.
-    pub(super) is_exact: bool,
+    pub(crate) is_exact: bool,
     /// The corners of triangles that `f32` doesn't place well enough: those of large shapes, seen from near.
     exact_positions: Option<Vec<DVec3>>,
     tolerance: FacetTolerance,
     /// Whether the tolerance would have needed too many triangles.
-    pub(super) is_coarse: bool,
+    pub(crate) is_coarse: bool,
 }
 
 /// The largest distance between a shape and its triangles, in the shape's space.
@@ -43,7 +43,7 @@ enum FacetTolerance {
 
 /// The tolerance of tessellations on the screen.
 #[derive(Clone, Debug)]
-pub(super) struct Tolerance {
+pub(crate) struct Tolerance {
     /// The largest distance in pixels.
     pixels: f64,
     distance: ViewDistance,
@@ -70,7 +70,7 @@ enum ViewDistance {
 const LEAST_DISTANCE: f64 = 1.0 / 8.0;
 
 impl Tolerance {
-    pub(super) fn new(
+    pub(crate) fn new(
         pixels: f64,
         projection: &Projection,
         size: [f64; 2],
@@ -88,14 +88,14 @@ impl Tolerance {
 
     /// The tolerance of views in all directions from a point. Each has a square of `side` pixels with a half angle of
     /// 45°.
-    pub(super) fn around(point: DVec3, pixels: f64, side: u32, view: Aabb) -> Tolerance {
+    pub(crate) fn around(point: DVec3, pixels: f64, side: u32, view: Aabb) -> Tolerance {
         // The centre of a square has half as many pixels for each unit of length; its corners have at most 2√3 as many.
         let scale = 3.0f64.sqrt() * f64::from(side);
         Tolerance { pixels, distance: ViewDistance::FromPoint(point), scale, view }
     }
 
     /// The tolerance of a parallel view, as a length.
-    pub(super) fn parallel(length: f64) -> Tolerance {
+    pub(crate) fn parallel(length: f64) -> Tolerance {
         Tolerance { pixels: length, distance: ViewDistance::Parallel, scale: 1.0, view: Aabb::EMPTY }
     }
 
@@ -137,14 +137,14 @@ impl Tolerance {
 }
 
 /// The corners of a box.
-pub(super) fn corners(bounds: &Aabb) -> impl Iterator<Item = DVec3> {
+pub(crate) fn corners(bounds: &Aabb) -> impl Iterator<Item = DVec3> {
     let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     (0..8).map(move |i: u32| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high))
 }
 
 impl Facets {
     /// The triangles of a shape.
-    pub(super) fn new(
+    pub(crate) fn new(
         shape: &Shape,
         color: Option<Rgb>,
         to_world: Option<&Transform>,
@@ -198,7 +198,7 @@ impl Facets {
     }
 
     /// The corners of a triangle in the shape's space.
-    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+    pub(crate) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         match &self.exact_positions {
             Some(positions) => self.mesh.triangles[triangle as usize].map(|corner| positions[corner as usize]),
             None => self.mesh.corners(triangle as usize).map(Vec3::as_dvec3),
@@ -206,7 +206,7 @@ impl Facets {
     }
 
     /// The tolerance of triangles at a distance from the viewer.
-    pub(super) fn tolerance_at(&self, distance: f64) -> f64 {
+    pub(crate) fn tolerance_at(&self, distance: f64) -> f64 {
         match self.tolerance {
             FacetTolerance::Even(tolerance) => tolerance,
             FacetTolerance::Distance { factor, floor } => factor * distance.max(floor),
@@ -214,7 +214,7 @@ impl Facets {
     }
 
     /// The memory that it takes.
-    pub(super) fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let corner = size_of::<[Vec3; 2]>() + size_of::<Vec2>();
         let exact = self.exact_positions.as_ref().map_or(0, |positions| positions.len() * size_of::<DVec3>());
         self.mesh.positions.len() * corner + exact + self.mesh.len() * size_of::<[u32; 4]>()

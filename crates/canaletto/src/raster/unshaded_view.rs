@@ -1,10 +1,10 @@
 //! A view that is drawn without shading: the depths of shadow maps, the primitives that hemicubes see.
 
+use super::coverage::{ScreenTriangle, Sites, Source, VisibilityBuffer};
 use super::facets::Tolerance;
-use super::fragment::{FacetCache, VisibleTriangle};
 use super::geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
 use super::projection::Projection;
-use super::raster::{ScreenTriangle, Sites, Source, VisibilityBuffer};
+use super::visible_triangle::{FacetCache, VisibleTriangle};
 use crate::material::PreparedMaterial;
 use crate::math::DRay;
 use crate::world::World;
@@ -16,31 +16,31 @@ use std::sync::atomic::AtomicUsize;
 const TILE: i32 = 64;
 
 /// A view of a world with one sample at the centre of each pixel.
-pub(super) struct UnshadedView<'a> {
-    pub(super) world: &'a World,
-    pub(super) projection: &'a Projection,
-    pub(super) tolerance: &'a Tolerance,
+pub(crate) struct UnshadedView<'a> {
+    pub(crate) world: &'a World,
+    pub(crate) projection: &'a Projection,
+    pub(crate) tolerance: &'a Tolerance,
     /// The lower left pixel, and the size in pixels.
-    pub(super) corner: [i32; 2],
-    pub(super) size: [i32; 2],
+    pub(crate) corner: [i32; 2],
+    pub(crate) size: [i32; 2],
     /// See [`GeometryStage::compares_curves`].
-    pub(super) compares_curves: bool,
+    pub(crate) compares_curves: bool,
     /// See [`GeometryStage::with_unbounded`].
-    pub(super) with_unbounded: bool,
+    pub(crate) with_unbounded: bool,
     /// Whether a material is drawn.
-    pub(super) is_drawn: fn(&PreparedMaterial) -> bool,
+    pub(crate) is_drawn: fn(&PreparedMaterial) -> bool,
     /// Whether a triangle is drawn.
-    pub(super) is_seen: &'a (dyn Fn(&ScreenTriangle) -> bool + Sync),
+    pub(crate) is_seen: &'a (dyn Fn(&ScreenTriangle) -> bool + Sync),
     /// The least coverage that counts as there, at a place in pixels of a triangle.
-    pub(super) least_coverage: &'a (dyn Fn([f64; 2], Source) -> f32 + Sync),
+    pub(crate) least_coverage: &'a (dyn Fn([f64; 2], Source) -> f32 + Sync),
 }
 
 /// A tile of a drawn view.
-pub(super) struct DrawnTile<'a, 'w> {
+pub(crate) struct DrawnTile<'a, 'w> {
     /// The lower left pixel, and the size in pixels.
-    pub(super) corner: [i32; 2],
-    pub(super) size: [i32; 2],
-    pub(super) visibility: &'a VisibilityBuffer,
+    pub(crate) corner: [i32; 2],
+    pub(crate) size: [i32; 2],
+    pub(crate) visibility: &'a VisibilityBuffer,
     view: &'a UnshadedView<'w>,
     binned: &'a BinnedTriangles,
     cache: &'a mut FacetCache<'w>,
@@ -49,12 +49,12 @@ pub(super) struct DrawnTile<'a, 'w> {
 
 impl DrawnTile<'_, '_> {
     /// The number of triangles that touch the tile.
-    pub(super) fn triangles(&self) -> usize {
+    pub(crate) fn triangles(&self) -> usize {
         self.binned.tile(self.number).len()
     }
 
     /// The triangle of this number.
-    pub(super) fn triangle(&mut self, number: u32) -> Option<VisibleTriangle<'_>> {
+    pub(crate) fn triangle(&mut self, number: u32) -> Option<VisibleTriangle<'_>> {
         let UnshadedView { world, tolerance, .. } = self.view;
         let source = self.binned.get(self.number, number).source;
         self.cache.prepare(source, world, self.binned, tolerance);
@@ -64,7 +64,7 @@ impl DrawnTile<'_, '_> {
 
 impl<'w> UnshadedView<'w> {
     /// Draws the view. `read` gets each tile, and its results are in the order of the tiles. Breaks if cancelled.
-    pub(super) fn draw<T: Send>(
+    pub(crate) fn draw<T: Send>(
         &self,
         cancelled: &(dyn Fn() -> bool + Sync),
         read: impl Fn(&mut DrawnTile) -> T + Sync,
@@ -114,7 +114,7 @@ impl<'w> UnshadedView<'w> {
 
 /// The depth of a triangle's surface on a line from the viewer, where its triangle has `depth`. None where less than
 /// `least_coverage` of the surface is there, or where the surface lies in front of the near plane.
-pub(super) fn refined_depth(
+pub(crate) fn refined_depth(
     triangle: &ScreenTriangle,
     visible: &VisibleTriangle,
     line: &DRay,

@@ -1,9 +1,9 @@
 //! The geometry stage: all triangles of the world go through a projection into the tiles that they touch.
 
 use super::clip::Polygon;
+use super::coverage::{ScreenTriangle, Sites, Source};
 use super::facets::{Facets, Tolerance, corners};
 use super::projection::{Projection, depth_plane};
-use super::raster::{ScreenTriangle, Sites, Source};
 use super::triangle_setup::{Setup, SetupTarget, TOGETHER, TriangleSetup, is_in_guard_band};
 use crate::material::{Material, Target};
 use crate::shape::Mesh;
@@ -26,19 +26,19 @@ const MOST_KEPT_BYTES: usize = 8 << 20;
 
 /// A screen of tiles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Screen {
+pub(crate) struct Screen {
     /// The lower left pixel, and the size in pixels.
-    pub(super) corner: [i32; 2],
-    pub(super) size: [i32; 2],
+    pub(crate) corner: [i32; 2],
+    pub(crate) size: [i32; 2],
     /// The side of a tile in pixels.
-    pub(super) side: i32,
+    pub(crate) side: i32,
     /// Whether tiles count from the upper edge.
-    pub(super) from_top: bool,
+    pub(crate) from_top: bool,
 }
 
 impl Screen {
     /// The numbers of tile columns and tile rows.
-    pub(super) fn tiles(&self) -> [i32; 2] {
+    pub(crate) fn tiles(&self) -> [i32; 2] {
         self.size.map(|n| (n + self.side - 1) / self.side)
     }
 
@@ -54,13 +54,13 @@ impl Screen {
 
     /// The first and the last pixel along an axis.
     #[inline(always)]
-    pub(super) fn span(&self, axis: usize) -> [i32; 2] {
+    pub(crate) fn span(&self, axis: usize) -> [i32; 2] {
         [self.corner[axis], self.corner[axis] + self.size[axis] - 1]
     }
 
     /// Whether all points lie beyond one border of the view.
     #[inline(always)]
-    pub(super) fn is_outside(&self, near: DVec4, points: &[DVec4]) -> bool {
+    pub(crate) fn is_outside(&self, near: DVec4, points: &[DVec4]) -> bool {
         let [left, below] = self.corner.map(f64::from);
         let [right, above] = [left + f64::from(self.size[0]), below + f64::from(self.size[1])];
         let mut all = [true; 5];
@@ -84,7 +84,7 @@ struct Part {
 
 /// The triangles of a screen, by tile.
 #[derive(Debug, Default)]
-pub(super) struct BinnedTriangles {
+pub(crate) struct BinnedTriangles {
     /// The triangles of each batch.
     batches: Vec<Vec<ScreenTriangle>>,
     /// For each tile, the range of its entries.
@@ -167,25 +167,25 @@ impl SlotTraits<'_> {
 }
 
 /// The projection of a world onto a screen.
-pub(super) struct GeometryStage<'a> {
-    pub(super) world: &'a World,
-    pub(super) projection: &'a Projection,
-    pub(super) tolerance: &'a Tolerance,
-    pub(super) screen: Screen,
-    pub(super) sites: &'a Sites,
+pub(crate) struct GeometryStage<'a> {
+    pub(crate) world: &'a World,
+    pub(crate) projection: &'a Projection,
+    pub(crate) tolerance: &'a Tolerance,
+    pub(crate) screen: Screen,
+    pub(crate) sites: &'a Sites,
     /// Whether the depths of curved surfaces are compared in place of those of their triangles.
-    pub(super) compares_curves: bool,
+    pub(crate) compares_curves: bool,
     /// Whether shapes without bounds are drawn.
-    pub(super) with_unbounded: bool,
+    pub(crate) with_unbounded: bool,
     /// For each material, whether it is drawn and whether it [has holes](has_holes).
-    pub(super) traits: Vec<[bool; 2]>,
+    pub(crate) traits: Vec<[bool; 2]>,
     /// The memory of the tessellations that are kept: 0 at first.
-    pub(super) kept_bytes: AtomicUsize,
+    pub(crate) kept_bytes: AtomicUsize,
 }
 
 impl GeometryStage<'_> {
     /// Projects all triangles. Breaks if cancelled.
-    pub(super) fn run(&self, cancelled: &(dyn Fn() -> bool + Sync)) -> ControlFlow<(), BinnedTriangles> {
+    pub(crate) fn run(&self, cancelled: &(dyn Fn() -> bool + Sync)) -> ControlFlow<(), BinnedTriangles> {
         let batches = self.batches();
         let done: Option<Vec<Batch>> =
             batches.par_iter().map(|parts| if cancelled() { None } else { Some(self.batch(parts)) }).collect();
@@ -404,42 +404,42 @@ impl GeometryStage<'_> {
 
 impl Source {
     /// The hit of a ray on this triangle's primitive.
-    pub(super) fn hit(&self, t: f32, uv: [f32; 2], part: u32) -> Hit {
+    pub(crate) fn hit(&self, t: f32, uv: [f32; 2], part: u32) -> Hit {
         Hit { t, instance: self.instance, primitive: self.primitive, part, uv, time: 0.0 }
     }
 }
 
 impl BinnedTriangles {
     /// The triangles that touch a tile.
-    pub(super) fn tile(&self, tile: usize) -> impl ExactSizeIterator<Item = &ScreenTriangle> {
+    pub(crate) fn tile(&self, tile: usize) -> impl ExactSizeIterator<Item = &ScreenTriangle> {
         self.entries[self.starts[tile]..self.starts[tile + 1]]
             .iter()
             .map(|[batch, number]| &self.batches[*batch as usize][*number as usize])
     }
 
     /// The triangle of this number in a tile.
-    pub(super) fn get(&self, tile: usize, number: u32) -> &ScreenTriangle {
+    pub(crate) fn get(&self, tile: usize, number: u32) -> &ScreenTriangle {
         let [batch, number] = self.entries[self.starts[tile] + number as usize];
         &self.batches[batch as usize][number as usize]
     }
 
     /// A large tessellation.
-    pub(super) fn kept(&self, instance: u32, primitive: u32) -> Option<&Facets> {
+    pub(crate) fn kept(&self, instance: u32, primitive: u32) -> Option<&Facets> {
         self.kept.get(&[instance, primitive])
     }
 
     /// The number of shapes whose tolerance would have needed too many triangles.
-    pub(super) fn coarse(&self) -> u64 {
+    pub(crate) fn coarse(&self) -> u64 {
         self.coarse
     }
 
     /// The number of triangles on the screen.
-    pub(super) fn len(&self) -> u64 {
+    pub(crate) fn len(&self) -> u64 {
         self.batches.iter().map(|batch| batch.len() as u64).sum()
     }
 }
 
 /// Whether parts of a surface of this material may be missing.
-pub(super) fn has_holes(material: &Material) -> bool {
+pub(crate) fn has_holes(material: &Material) -> bool {
     material.coverage < 1.0 || material.textures.iter().any(|texture| texture.target == Target::Cutout)
 }

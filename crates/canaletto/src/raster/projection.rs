@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3, DVec4};
 
 /// A projection of a space onto a screen.
 #[derive(Clone, Debug)]
-pub(super) struct Projection {
+pub(crate) struct Projection {
     /// The gradients of X, Y, W and D.
     gradients: [DVec3; 4],
     /// Their values at the origin of the space.
@@ -19,7 +19,7 @@ pub(super) struct Projection {
     /// The near plane: points with a negative product are not drawn.
     near: DVec4,
     /// The depth of the far plane; what has less is not drawn.
-    pub(super) far_depth: f64,
+    pub(crate) far_depth: f64,
 }
 
 /// The homogeneous coordinates of a place that is `right`, `up` and `forward` from the eye along unit axes.
@@ -41,7 +41,7 @@ impl Frame {
 
 impl Projection {
     /// The projection of a camera without a lens (5.2).
-    pub(super) fn of_camera(camera: &Camera, range: DepthRange) -> Projection {
+    pub(crate) fn of_camera(camera: &Camera, range: DepthRange) -> Projection {
         let [right, up, back] = camera.axes();
         let ([w, h], window, shift) = (camera.size().map(f64::from), camera.window(), camera.shift());
         let focal = camera.focal_distance();
@@ -56,12 +56,12 @@ impl Projection {
     }
 
     /// The projection from `eye` along `forward` onto a square of `side` pixels, with the half angle of this tangent.
-    pub(super) fn square(eye: DVec3, forward: DVec3, tangent: f64, side: u32, near: f64) -> Projection {
+    pub(crate) fn square(eye: DVec3, forward: DVec3, tangent: f64, side: u32, near: f64) -> Projection {
         Self::square_along([across(forward).0, across(forward).1, forward], eye, tangent, side, near)
     }
 
     /// [`Projection::square`] with the directions that are to the right, upwards and forward.
-    pub(super) fn square_along(
+    pub(crate) fn square_along(
         [right, up, forward]: [DVec3; 3],
         eye: DVec3,
         tangent: f64,
@@ -79,7 +79,7 @@ impl Projection {
     }
 
     /// The parallel projection along `forward` of a ball onto a square of `side` pixels.
-    pub(super) fn parallel(center: DVec3, radius: f64, forward: DVec3, side: u32) -> Projection {
+    pub(crate) fn parallel(center: DVec3, radius: f64, forward: DVec3, side: u32) -> Projection {
         let half = f64::from(side) * 0.5;
         let (right, up) = across(forward);
         // Depth is the distance in front of the ball's far end.
@@ -93,7 +93,7 @@ impl Projection {
     }
 
     /// The projection of the space that this transform maps to this projection's space.
-    pub(super) fn of_space(&self, to_world: Option<&Transform>) -> Projection {
+    pub(crate) fn of_space(&self, to_world: Option<&Transform>) -> Projection {
         let Some(t) = to_world else { return self.clone() };
         let m = t.matrix();
         let linear = m.matrix3.transpose();
@@ -108,7 +108,7 @@ impl Projection {
 
     /// The homogeneous coordinates of a point.
     #[inline(always)]
-    pub(super) fn point(&self, p: DVec3) -> DVec4 {
+    pub(crate) fn point(&self, p: DVec3) -> DVec4 {
         let [x, y, w, d] = self.gradients;
         DVec4::new(
             x.dot(p) + self.offsets.x,
@@ -119,28 +119,28 @@ impl Projection {
     }
 
     /// The near plane: points with a negative product are not drawn.
-    pub(super) fn near(&self) -> DVec4 {
+    pub(crate) fn near(&self) -> DVec4 {
         self.near
     }
 
     /// A plane at half the distance of the near plane.
-    pub(super) fn nearer_plane(&self) -> DVec4 {
+    pub(crate) fn nearer_plane(&self) -> DVec4 {
         DVec4::new(self.near.x, self.near.y, self.near.z, 0.5 * self.near.w)
     }
 
     /// The depth of the near plane.
-    pub(super) fn near_depth(&self) -> f64 {
+    pub(crate) fn near_depth(&self) -> f64 {
         if self.near.w == 0.0 { f64::INFINITY } else { -self.near.z / self.near.w }
     }
 
     /// The depth at parameter t of a line from the eye of a perspective, and t at a depth: either is 1 over the other
     /// and this factor.
-    pub(super) fn depth_factor(&self, line: &DRay) -> f64 {
+    pub(crate) fn depth_factor(&self, line: &DRay) -> f64 {
         self.gradients[2].dot(line.direction)
     }
 
     /// The largest number of pixels that a unit of length covers where W is 1.
-    pub(super) fn pixels_per_unit(&self, [width, height]: [f64; 2]) -> f64 {
+    pub(crate) fn pixels_per_unit(&self, [width, height]: [f64; 2]) -> f64 {
         let [x, y, w, _] = self.gradients;
         // A step that changes W moves the point by up to its distance from the axis.
         let along = |g: DVec3, size: f64| g.length() + w.length() * size;
@@ -159,7 +159,7 @@ fn across(forward: DVec3) -> (DVec3, DVec3) {
 /// aren't finite if the plane is seen edge on. Then the determinant, which is positive if the points run
 /// counter-clockwise, seen from the eye.
 #[inline(always)]
-pub(super) fn depth_plane([a, b, c]: &[DVec4; 3]) -> (DVec3, f64) {
+pub(crate) fn depth_plane([a, b, c]: &[DVec4; 3]) -> (DVec3, f64) {
     // Cramer's rule for α X + β Y + γ W = D at the three points.
     let [p, q, r] = [a.truncate(), b.truncate(), c.truncate()];
     let (qr, rp, pq) = (q.cross(r), r.cross(p), p.cross(q));
@@ -169,7 +169,7 @@ pub(super) fn depth_plane([a, b, c]: &[DVec4; 3]) -> (DVec3, f64) {
 
 impl Projection {
     /// The number of pixels that a unit of length across the view covers where W is 1.
-    pub(super) fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         let [x, _, w, _] = self.gradients;
         // X holds a multiple of W, which moves the centre of the screen.
         let along = w.length_squared();
@@ -179,7 +179,7 @@ impl Projection {
 
     /// The farthest and the nearest depth that are near this one: of twice and half its distance from the eye, or of a
     /// length around it in a parallel projection.
-    pub(super) fn depths_around(&self, depth: f64, length: f64) -> [f64; 2] {
+    pub(crate) fn depths_around(&self, depth: f64, length: f64) -> [f64; 2] {
         if self.is_perspective() { [depth * 0.5, depth * 2.0] } else { [depth - length, depth + length] }
     }
 
@@ -188,12 +188,12 @@ impl Projection {
     }
 
     /// The depth of a point that lies nearer to the viewer by this length than one of the given depth.
-    pub(super) fn nearer(&self, depth: f64, length: f64) -> f64 {
+    pub(crate) fn nearer(&self, depth: f64, length: f64) -> f64 {
         if self.is_perspective() { depth / (1.0 - (length * depth).min(0.5)) } else { depth + length }
     }
 
     /// The line through a place on the screen, away from the viewer, with a unit direction.
-    pub(super) fn line(&self, [px, py]: [f64; 2]) -> DRay {
+    pub(crate) fn line(&self, [px, py]: [f64; 2]) -> DRay {
         // A point p has X = px W, Y = py W; the near plane gives the third equation.
         let [x, y, w, d] = self.gradients;
         let (nx, ny) = (x - w * px, y - w * py);
