@@ -71,7 +71,7 @@ fn picture(world: &World, job: &Job, solution: Option<&Arc<RadiositySolution>>) 
     let preparation = Preparation { solution, ..Preparation::default() };
     let mut session = Session::open(world, job, preparation).unwrap();
     let end = job.first_sample + job.film.sampling.count();
-    assert!(session.pass(end, session.tiles(), &()).is_continue());
+    assert!(session.pass(end, session.tiles(), &()).unwrap().is_continue());
     (session.picture().pixels.clone(), session.samples().unwrap())
 }
 
@@ -100,9 +100,9 @@ fn samples_of_all_integrators_add_up() {
         session.merge(&first).unwrap();
         let tiles = session.tiles();
         for tile in tiles.clone().rev() {
-            assert!(session.pass(11, tile..tile + 1, &()).is_continue());
+            assert!(session.pass(11, tile..tile + 1, &()).unwrap().is_continue());
         }
-        assert!(session.pass(16, tiles, &()).is_continue());
+        assert!(session.pass(16, tiles, &()).unwrap().is_continue());
         assert_eq!(session.picture().pixels, whole, "{name}");
     }
 }
@@ -155,7 +155,7 @@ fn explanations_of_a_session_are_of_its_picture() {
         for progressive in [true, false] {
             let job = Job { progressive, ..job(&scene, integrator, 6) };
             let mut session = Session::open(&world, &job, Preparation::default()).unwrap();
-            assert!(session.pass(6, session.tiles(), &()).is_continue());
+            assert!(session.pass(6, session.tiles(), &()).unwrap().is_continue());
             let pixels = session.picture().pixels.clone();
             let explainer = Explainer::new(&session);
             for pixel in (0..26 * 20).step_by(7) {
@@ -220,9 +220,9 @@ fn cancelled_sessions_keep_what_they_have() {
     for (name, integrator) in integrators() {
         let job = job(&scene, integrator, 8);
         let mut session = Session::open(&world, &job, Preparation::default()).unwrap();
-        assert!(session.pass(2, session.tiles(), &()).is_continue());
+        assert!(session.pass(2, session.tiles(), &()).unwrap().is_continue());
         let before = session.picture().clone();
-        assert_eq!(session.pass(8, session.tiles(), &Cancelled), ControlFlow::Break(()), "{name}");
+        assert_eq!(session.pass(8, session.tiles(), &Cancelled), Ok(ControlFlow::Break(())), "{name}");
         assert_same_picture(session.picture(), &before, name);
         assert!(session.samples().unwrap().counts().iter().all(|count| *count == 2), "{name}");
         if name == "radiosity" || name == "guided" {

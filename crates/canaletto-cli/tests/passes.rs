@@ -72,7 +72,7 @@ fn samples_of_another_picture_are_refused_by_name() {
     refused("--continue a.exr --max-depth 3", 3, &["its max-depth is 0, not 3"]);
     refused("--continue a.exr --clamp 2", 3, &["its clamp is none, not 2"]);
     refused("--continue none.exr", 3, &["none.exr"]);
-    refused("--continue a.exr --integrator whitted", 2, &["--continue", "only the path integrator"]);
+    refused("--continue a.exr --integrator whitted", 3, &["its integrator is path, not whitted"]);
     refused("--continue a.exr --sampler jittered", 2, &["--continue", "jittered"]);
     refused("--continue s.kdl", 3, &["--continue s.kdl"]);
     folder.says("render s.kdl -q --samples 16 --continue a.exr -o b.exr", 3, &["has 16 samples", "--samples 32"]);
@@ -255,7 +255,59 @@ fn a_time_has_as_many_passes_as_fit() {
     same(&folder, "a.exr", "b.exr");
     folder.says("render s.kdl --time 1h --samples 16 -o c.exr", 0, &["16 samples per pixel"]);
     folder.says("render s.kdl --time 0s", 2, &["60s"]);
-    folder.says("render s.kdl --time 5s --integrator whitted", 2, &["--time", "only the path integrator"]);
+    let grid = ["--time", "its rays stand on a grid", "--samples"];
+    folder.says("render s.kdl --time 5s --integrator whitted --pattern regular", 2, &grid);
+    folder.says("render s.kdl --time 5s --integrator whitted --pattern adaptive", 2, &grid);
+}
+
+/// The flags of integrators whose pictures grow if they are asked to.
+const GROWING: [&str; 3] =
+    ["--integrator whitted", "--integrator zbuffer", "--integrator radiosity --set integrator.error=0.3"];
+
+#[test]
+fn all_integrators_grow() {
+    let folder = Folder::new();
+    for integrator in GROWING {
+        let render = |flags: &str, words: &[&str]| {
+            folder.says(&format!("render s.kdl {integrator} {flags}"), 0, words);
+        };
+        render("-q --samples 8 --progressive -o half.exr", &[]);
+        render("-q --samples 16 --progressive -o whole.exr", &[]);
+        render("-q --samples 16 --continue half.exr -o on.exr --threads 3", &[]);
+        assert!(
+            fs::read(folder.path("on.exr")).unwrap() == fs::read(folder.path("whole.exr")).unwrap(),
+            "{integrator}"
+        );
+        render("-q --samples 8 --first-sample 8 -o second.exr", &[]);
+        let of = |name: &str| folder.picture(name).image.channel("G").unwrap().to_vec();
+        let mean: Vec<f32> = of("half.exr").iter().zip(of("second.exr")).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
+        assert_eq!(mean, of("whole.exr"), "{integrator}");
+        render("--time 1h --samples 16 -o time.exr", &["16 samples per pixel"]);
+        folder.same("time.exr", "whole.exr");
+        render("--noise 0.5 --samples 256 -o noise.exr", &["64 samples, noise 0."]);
+        // Without being asked for, the picture is the usual one, and holds no samples.
+        render("-q --samples 16 -o usual.exr", &[]);
+        assert_ne!(of("usual.exr"), of("whole.exr"), "{integrator}");
+        let refused = format!("render s.kdl {integrator} --samples 32 --continue usual.exr -o b.exr");
+        folder.says(&refused, 3, &["it isn't an EXR of a growing picture"]);
+        let refused = format!("render s.kdl {integrator} --samples 32 --continue half.exr --seed 1 -o b.exr");
+        folder.says(&refused, 3, &["its seed is 0, not 1"]);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_pictures_of_all_integrators_go_on() {
+    for integrator in GROWING {
+        let folder = Folder::new();
+        let (done, wanted) =
+            interrupted_after(&folder, &format!("{integrator} --progressive --size 96x64 -o a.exr"), 4);
+        assert_eq!((&done["complete"], &done["files"][0]), (&false.into(), &"a.partial.exr".into()), "{integrator}");
+        let run = format!("render s.kdl {integrator} --progressive --size 96x64 --samples {wanted} -q");
+        folder.says(&format!("{run} --continue a.partial.exr -o a.exr"), 0, &[]);
+        folder.says(&format!("{run} -o whole.exr"), 0, &[]);
+        folder.same("a.exr", "whole.exr");
+    }
 }
 
 #[test]

@@ -122,7 +122,7 @@ fn render_given(
             return Ok(Rendering::unfinished(world, job));
         };
         start.map_or(Ok(()), |start| session.merge(start))?;
-        Ok(session.run(observer))
+        session.render(observer)
     })?
 }
 

@@ -27,8 +27,8 @@ use std::sync::{Mutex, PoisonError};
 ///     return Ok(()); // The observer cancelled.
 /// };
 /// // The first two samples of all pixels, then the next two.
-/// session.pass(2, session.tiles(), &());
-/// session.pass(4, session.tiles(), &());
+/// session.pass(2, session.tiles(), &())?;
+/// session.pass(4, session.tiles(), &())?;
 /// assert_eq!(session.samples().unwrap().counts()[0], 4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -68,7 +68,7 @@ impl<'w> Session<'w> {
     ///
     /// # Errors
     /// [`JobError`] if [`Job::check`] finds an error, if the solution is one of another world, or if required threads
-    /// can't be started. Nothing after that can fail.
+    /// can't be started.
     pub fn new(
         world: &'w World,
         job: &Job,
@@ -147,12 +147,20 @@ impl<'w> Session<'w> {
     ///
     /// # Panics
     /// If the observer panics in one thread. The other threads then end soon, and the panic is passed on to the caller.
-    pub fn pass(&mut self, end: u32, tiles: Range<usize>, observer: &dyn Observer) -> ControlFlow<()> {
+    ///
+    /// # Errors
+    /// [`JobError::NoThreads`] if the rays need threads with more stack, and these can't be started.
+    pub fn pass(
+        &mut self,
+        end: u32,
+        tiles: Range<usize>,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<()>, JobError> {
         let queue = TaskQueue::new(observer);
-        match &self.film {
+        Ok(with_stack(stack_of(self.made.world(), &self.made), || match &self.film {
             FilmState::Weighted { .. } => self.weighted_pass(tiles, &queue, observer),
             FilmState::Blocks(sample_tiles) => self.block_pass(sample_tiles, end, tiles, &queue, observer),
-        }
+        })?)
     }
 
     /// Makes tiles of weighted means.
@@ -285,21 +293,31 @@ impl<'w> Session<'w> {
         tiles.iter().filter_map(fewest).min().unwrap_or(0)
     }
 
-    /// Makes all that is missing, pass by pass, until the observer is content. Threads with large stacks are at hand.
-    pub(super) fn run(mut self, observer: &dyn Observer) -> Rendering {
+    /// Makes all that is missing, pass by pass, until all pixels have their samples or the observer ends them.
+    ///
+    /// # Panics
+    /// As [`Session::pass`].
+    ///
+    /// # Errors
+    /// As [`Session::pass`].
+    pub fn render(self, observer: &dyn Observer) -> Result<Rendering, JobError> {
+        Ok(with_stack(stack_of(self.made.world(), &self.made), || self.run(observer))??)
+    }
+
+    fn run(mut self, observer: &dyn Observer) -> Result<Rendering, JobError> {
         let [_, _, width, height] = self.made.window();
         let (pixels, tiles) = (u64::from(width) * u64::from(height), self.tiles());
         let is_complete = if matches!(self.film, FilmState::Weighted { .. }) {
             self.state().planned = pixels;
-            self.pass(0, tiles, observer).is_continue()
+            self.pass(0, tiles, observer)?.is_continue()
         } else {
-            self.run_passes(pixels, observer).is_continue()
+            self.run_passes(pixels, observer)?.is_continue()
         };
-        self.finish(is_complete, observer)
+        Ok(self.finish(is_complete, observer))
     }
 
     /// Makes passes until all pixels have their samples, or little enough noise, or the observer ends them.
-    fn run_passes(&mut self, pixels: u64, observer: &dyn Observer) -> ControlFlow<()> {
+    fn run_passes(&mut self, pixels: u64, observer: &dyn Observer) -> Result<ControlFlow<()>, JobError> {
         let from = self.fewest_samples();
         let end = self.made.sample_count().max(from);
         self.state().planned = pixels * u64::from(end - from);
@@ -308,7 +326,9 @@ impl<'w> Session<'w> {
         let mut needs_pass = needed > 0 || !layers_of_first_sample(&self.made).is_empty() || self.made.has_alpha();
         while needs_pass {
             let next = if needed > 0 { next_count(count, end) } else { count };
-            self.pass(self.made.first_sample + next, self.tiles(), observer)?;
+            if self.pass(self.made.first_sample + next, self.tiles(), observer)?.is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
             count = next;
             needed = self.judge(count, end);
             let state = self.picture.lock().unwrap_or_else(PoisonError::into_inner);
@@ -323,7 +343,7 @@ impl<'w> Session<'w> {
             };
             needs_pass = observer.pass_ended(&progress).is_continue() && needed > 0;
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 
     fn state(&mut self) -> &mut PictureState {

@@ -25,14 +25,16 @@ use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::told_developing::METERED_EXPOSURE;
-use canaletto::film::metered_exposure;
-use canaletto::integrator::radiosity::{ShootingWatcher, SolutionFingerprint};
-use canaletto::render::{Job, JobError, Observer, Rendering, render, render_on, render_with_solution};
+use canaletto::film::{SampleBlocks, metered_exposure};
+use canaletto::integrator::radiosity::{RadiositySolution, ShootingWatcher, SolutionFingerprint};
+use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, Session};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
 use std::collections::HashSet;
+use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Renders the frames of a plan.
@@ -288,7 +290,7 @@ impl<'a> Series<'a> {
                 let label = "exposure  ".to_owned();
                 let pixels = u64::from(small.window()[2]) * u64::from(small.window()[3]);
                 let watch = ProgressDisplay::begin(Style::Silent, frame, label, pixels, RunProgress::SINGLE);
-                let rendered = self.rendering(frame_context, world, &small, &watch);
+                let rendered = self.rendering(frame_context, world, (&small, None), &watch);
                 watch.finish();
                 metered_exposure(&rendered?.0.picture)
             }
@@ -343,12 +345,7 @@ impl<'a> Series<'a> {
         let outlook = OutlookTime::new(world, &job, start.as_ref());
         let flags = &self.flags;
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook);
-        let rendered = match &start {
-            Some(start) => render_on(world, &rendered_job, start, &observer)
-                .map(|rendering| (rendering, None))
-                .map_err(|error| Failure::new(Exit::Scene, format!("--continue: {error}"))),
-            None => self.rendering(frame_context, world, &rendered_job, &observer),
-        };
+        let rendered = self.rendering(frame_context, world, (&rendered_job, start.as_ref()), &observer);
         let render = watch.finish().as_secs_f64();
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
@@ -497,7 +494,7 @@ impl<'a> Series<'a> {
             let (label, pixels) = (format!("preview 1/{block}  "), u64::from(width) * u64::from(height));
             let watch = ProgressDisplay::begin(style, job.frame, label, pixels, RunProgress::SINGLE);
             let coarse = Job { frame: job.frame, ..preview.job.clone() };
-            let rendered = self.rendering(frame_context, world, &coarse, &watch);
+            let rendered = self.rendering(frame_context, world, (&coarse, None), &watch);
             watch.finish();
             let (rendering, solution) = rendered?;
             source = source.or(solution);
@@ -520,19 +517,25 @@ impl<'a> Series<'a> {
         Ok(source)
     }
 
-    /// Makes the picture of a frame, with its solution if radiosity makes it.
+    /// Makes the picture of a frame from the samples that it has already, with its solution if radiosity makes it.
     fn rendering(
         &mut self,
         frame_context: &FrameContext,
         world: &World,
-        job: &Job,
+        (job, start): (&Job, Option<&SampleBlocks>),
         observer: &dyn Observer,
     ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
-        let failed = |e: JobError| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name));
-        let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
-            return Ok((render(world, job, observer).map_err(failed)?, None));
+        let name = self.reader.name.clone();
+        let of_session = |solution: Option<&Arc<RadiositySolution>>| {
+            let failed = |e: JobError| match e {
+                JobError::Start(_) => Failure::new(Exit::Scene, format!("--continue: {e}")),
+                _ => Failure::new(Exit::Scene, format!("{name}: {e}")),
+            };
+            rendering_of_session(world, job, solution, start, observer).map_err(failed)
         };
-        let name = &self.reader.name;
+        let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
+            return Ok((of_session(None)?, None));
+        };
         let mut writer = self.plan.steps.as_ref().map(|pictures| StepWriter {
             pictures,
             world,
@@ -546,14 +549,12 @@ impl<'a> Series<'a> {
             Some(writer) => writer,
             None => &mut (),
         };
-        let solved = self.solutions.solution(name, world, fingerprint, settings, observer, watcher)?;
+        let solved = self.solutions.solution(&name, world, fingerprint, settings, observer, watcher)?;
         if let Some(failure) = writer.and_then(|writer| writer.failure) {
             warn_unwritten("--shooting-steps", &failure, self.plan.style, self.flags.quiet);
         }
         match solved {
-            Some((solution, source)) => {
-                Ok((render_with_solution(world, job, &solution, observer).map_err(failed)?, Some(source)))
-            }
+            Some((solution, source)) => Ok((of_session(Some(&solution))?, Some(source))),
             None => Ok((Rendering::unfinished(world, job), None)),
         }
     }
@@ -684,6 +685,22 @@ impl<'a> Series<'a> {
         });
         Ok(Exit::Interrupted)
     }
+}
+
+/// Makes a picture with a solution and samples that are already there.
+fn rendering_of_session(
+    world: &World,
+    job: &Job,
+    solution: Option<&Arc<RadiositySolution>>,
+    start: Option<&SampleBlocks>,
+    observer: &dyn Observer,
+) -> Result<Rendering, JobError> {
+    let preparation = Preparation { solution, ..Preparation::default() };
+    let ControlFlow::Continue(mut session) = Session::new(world, job, preparation, observer)? else {
+        return Ok(Rendering::unfinished(world, job));
+    };
+    start.map_or(Ok(()), |start| session.merge(start))?;
+    session.render(observer)
 }
 
 /// The rendered share of a picture in percent.
