@@ -164,10 +164,11 @@ pub(crate) struct PictureFlags {
     #[arg(long, allow_negative_numbers = true, value_name = "N", help_heading = "Sampling")]
     pub seed: Option<u64>,
 
-    /// Makes the picture grow by passes of samples, which --samples counts: it can be stopped, gone on with and added up
+    /// Makes the picture grow by passes of samples, which --samples counts: it can be stopped, gone on with and added
+    /// up
     ///
-    /// --time, --noise, --clamp, --continue and --first-sample imply it, and pictures by paths always grow. The rays of a
-    /// growing picture don't depend on how many there will be, so it has a little more noise.
+    /// --time, --noise, --clamp, --continue and --first-sample imply it, and pictures by paths always grow. The rays of
+    /// a growing picture don't depend on how many there will be. Its noise is that of others, and its last bits differ.
     #[arg(long, help_heading = "Sampling")]
     pub progressive: bool,
 

@@ -287,7 +287,6 @@ fn all_integrators_grow() {
         render("--noise 0.5 --samples 256 -o noise.exr", &["64 samples, noise 0."]);
         // Without being asked for, the picture is the usual one, and holds no samples.
         render("-q --samples 16 -o usual.exr", &[]);
-        assert_ne!(of("usual.exr"), of("whole.exr"), "{integrator}");
         let refused = format!("render s.kdl {integrator} --samples 32 --continue usual.exr -o b.exr");
         folder.says(&refused, 3, &["it isn't an EXR of a growing picture"]);
         let refused = format!("render s.kdl {integrator} --samples 32 --continue half.exr --seed 1 -o b.exr");

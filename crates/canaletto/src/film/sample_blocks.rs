@@ -274,8 +274,8 @@ impl SampleBlocks {
         self.counts[pixel] = count + size;
     }
 
-    /// Adds the samples of equally many pixels that come next. Returns whether they do: everywhere the first of them has
-    /// the number after the last of these, and none is added otherwise.
+    /// Adds the samples of equally many pixels that come next. Returns whether they do: everywhere the first of them
+    /// has the number after the last of these, and none is added otherwise.
     pub(crate) fn append(&mut self, next: &SampleBlocks) -> bool {
         let ends = self.counts.iter().zip(&next.counts).filter(|(_, added)| **added > 0);
         if self.size() != next.size() || !ends.map(|(count, _)| self.first + count).all(|end| end == next.first) {

@@ -68,8 +68,8 @@ pub trait Description: Debug + Sync {
         false
     }
 
-    /// Whether its pictures are always made of samples that add up ([`Job::progressive`]), where sampler and filter allow
-    /// it.
+    /// Whether its pictures are always made of samples that add up ([`Job::progressive`]), where sampler and filter
+    /// allow it.
     fn is_progressive_by_default(&self) -> bool {
         false
     }

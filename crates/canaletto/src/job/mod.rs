@@ -48,9 +48,9 @@ pub struct Job {
     pub aovs: Vec<Aov>,
     /// The number of each pixel's first sample. Pictures of other samples of the same scene can be added.
     pub first_sample: u32,
-    /// Whether the picture is made of blocks of samples that add up, by integrators that make it otherwise as well. Path
-    /// tracing's pictures are made so wherever they can be. Such a picture can be stopped after any pass, gone on with,
-    /// and made in parts. Its samples don't depend on how many there will be, so its noise is a little larger.
+    /// Whether the picture is made of blocks of samples that add up, by integrators that make it otherwise as well.
+    /// Path tracing's pictures are made so wherever they can be. Such a picture can be stopped after any pass, gone on
+    /// with, and made in parts, since its samples don't depend on how many there will be.
     pub progressive: bool,
     /// The largest relative error that blocks of pixels should have. Pixels get samples until it is estimated to be
     /// reached, but no more than the film says. It is the root of the mean square error of the components in a block of

@@ -1,8 +1,8 @@
 //! A rasteriser: triangles projected into tiles, clipped, and tested for what is nearest at each sample.
 //!
-//! [`geometry`] projects all triangles of a world into the tiles of a screen. [`coverage`] finds the nearest triangle at
-//! each sample of a tile. Curved shapes are tessellated within a tolerance in pixels ([`facets`]). The z-buffer shades
-//! what is seen; [`item_buffer`] only says which object it is, as hemicubes need.
+//! [`geometry`] projects all triangles of a world into the tiles of a screen. [`coverage`] finds the nearest triangle
+//! at each sample of a tile. Curved shapes are tessellated within a tolerance in pixels ([`facets`]). The z-buffer
+//! shades what is seen; [`item_buffer`] only says which object it is, as hemicubes need.
 
 pub(crate) mod clip;
 pub(crate) mod coverage;

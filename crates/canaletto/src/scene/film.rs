@@ -271,9 +271,9 @@ impl FilmSettings {
     /// How pictures are developed.
     ///
     /// Path tracing is photographic, which means that it has the range of real light: a room by day is far darker than
-    /// its window. Its pictures are photos, if nothing else is said: the tone is `agx`, and the exposure of a tone curve
-    /// is metered. The other integrators show a scene's own numbers: `clamp`, and 0 stops. So do pictures without a
-    /// transfer curve, whose numbers are to be read. The tones `clamp` and `scale` have 0 stops, too.
+    /// its window. Its pictures are photos, if nothing else is said: the tone is `agx`, and the exposure of a tone
+    /// curve is metered. The other integrators show a scene's own numbers: `clamp`, and 0 stops. So do pictures without
+    /// a transfer curve, whose numbers are to be read. The tones `clamp` and `scale` have 0 stops, too.
     pub fn developing(&self, is_photographic: bool) -> Developing {
         let is_photo = is_photographic && self.transfer == Transfer::Srgb;
         let tone = self.tone.unwrap_or(if is_photo { Tone::Agx } else { Tone::Clamp });

@@ -95,8 +95,8 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// Calls `add` with the colour and weight of each sample of the pixel in column `x` and row `y` from the top left.
-    /// Returns the number of rays traced for it. A probe observes ray after ray. For adaptive sampling, the number includes the first samples
-    /// at the pixel's own corner and centre.
+    /// Returns the number of rays traced for it. A probe observes ray after ray. For adaptive sampling, the number
+    /// includes the first samples at the pixel's own corner and centre.
     pub(crate) fn pixel<'w, P: Probe + ?Sized>(
         &mut self,
         integrator: &mut impl RayIntegrator<'w>,

@@ -1,9 +1,9 @@
 //! A rasteriser with a z-buffer (Catmull 1974), for the comparison that the chapter makes with ray tracing.
 //!
 //! [`geometry`](crate::raster::geometry) projects all triangles into the tiles of the picture. Each tile then finds the
-//! nearest triangle at each sample ([`coverage`]). Shading comes last, once for each visible triangle of a pixel, by the code of the classic
-//! integrator. Curved shapes are tessellated within a tolerance in pixels ([`facets`](crate::raster::facets)). Shadows come from
-//! [`shadow_map`].
+//! nearest triangle at each sample ([`coverage`]). Shading comes last, once for each visible triangle of a pixel, by
+//! the code of the classic integrator. Curved shapes are tessellated within a tolerance in pixels
+//! ([`facets`](crate::raster::facets)). Shadows come from [`shadow_map`].
 //!
 //! The z-buffer draws what lies between the camera's near and far planes. It has no reflected and refracted rays, no
 //! lens and no motion: everything is drawn at the opening of the shutter.

@@ -1,7 +1,7 @@
 //! What a job asks for and a z-buffer doesn't do.
 
 use super::cut_away::cut_away;
-use super::grid_side;
+use super::{draws_sample_by_sample, grid_side};
 use crate::Named;
 use crate::integrator::Omission;
 use crate::job::PlacedJob;
@@ -72,7 +72,11 @@ pub(super) fn omissions(job: &PlacedJob, settings: &ZbufferSettings) -> Vec<Omis
     } else if world.moves() {
         add("a z-buffer has no shutter, so what moves is drawn at the shutter's opening".into());
     }
-    if let Some(side) = grid_side(job.film.sampling).filter(|_| !matches!(job.film.sampling, Sampling::Regular(_))) {
+    if draws_sample_by_sample(job) {
+        add("the samples of a z-buffer have equal places in all pixels".into());
+    } else if let Some(side) =
+        grid_side(job.film.sampling).filter(|_| !matches!(job.film.sampling, Sampling::Regular(_)))
+    {
         add(format!("the samples of a z-buffer have equal places in all pixels: here a grid of {side} x {side}"));
     }
     if job.film.filter != Filter::Box {
