@@ -37,7 +37,6 @@ mod progress;
 mod report;
 mod sampling_progress;
 mod settings;
-mod shooting_steps;
 mod solutions;
 mod source;
 mod stdout;

@@ -28,7 +28,6 @@ With `--progress json` stderr carries one JSON object per line, each with its ki
 | `denoised` | a frame is denoised | `frame`, `denoiser`, `seconds`, `outlier_light` (the share of light in single bright samples), `lost_light` (the part of it that is left out, since it would show) |
 | `start` | a frame begins | `version`, `scene`, `camera`, `frame`, `frames` (first and last), `frames_done`, `frames_total`, `size`, `pixels`, `threads`, `files` |
 | `solving` | radiosity is solved, or a picture graded: in each new phase, and at most five times a second | `frame`, `phase` (`patches`, `lights`, `links`, `balance`, `shooting`, `mistakes`, `numbers`), `patches`, `links`, `seconds`; `round` and `rounds` of `links`, `bounce` of `balance`, `step` and `unsent` (the share of the light) of `shooting`, `step` of `mistakes` and `numbers` |
-| `step` | a picture of `--shooting-steps` is written | `step`, `unsent`, `file` |
 | `preview` | a coarse picture of `--preview` is written | `frame`, `block` (the side of its blocks of pixels), `file` |
 | `progress` | at most five times a second | `frame`, `pixels_done`, `pixels`, `percent`, `rays`, `rays_per_second`, `seconds`, `seconds_left`, `frames_done`, `frames_total`, `seconds_left_in_all`; of a picture in passes also `samples` and, with `--noise`, `noise` of the last pass |
 | `pass` | a pass of samples is over | `frame`, `samples` of a pixel, `next`: their number after the next pass, `pixels_left`: those that need more, `noise`, `seconds` |

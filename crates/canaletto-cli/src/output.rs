@@ -222,11 +222,6 @@ impl Output {
         WriteOptions { no_clobber: self.no_clobber, durable: self.durable }
     }
 
-    /// The path as given, in which # may stand for a number.
-    pub(crate) fn pattern(&self) -> &Path {
-        &self.pattern
-    }
-
     pub(crate) fn is_stdout(&self) -> bool {
         self.pattern == Path::new("-")
     }

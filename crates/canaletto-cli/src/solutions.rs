@@ -5,9 +5,7 @@ use crate::failure::{Failure, reason};
 use crate::output::{check_files, write_with};
 use canaletto::Named;
 use canaletto::integrator::describe;
-use canaletto::integrator::radiosity::{
-    RadiosityError, RadiositySolution, ShootingWatcher, SolutionFileError, SolutionFingerprint,
-};
+use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution, SolutionFileError, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer};
 use canaletto::scene::{Integrator, RadiositySettings, Scene};
 use canaletto::world::World;
@@ -159,7 +157,6 @@ impl Solutions {
         fingerprint: &SolutionFingerprint,
         settings: &RadiositySettings,
         observer: &dyn Observer,
-        watcher: &mut dyn ShootingWatcher,
     ) -> Result<Option<(Arc<RadiositySolution>, SolutionSource)>, Failure> {
         self.check(fingerprint)?;
         if let Some((_, solution)) = self.kept.as_ref().filter(|(solved, _)| solved.check(fingerprint).is_ok()) {
@@ -180,7 +177,7 @@ impl Solutions {
         // The old solution and the new one need not be in memory together.
         self.kept = None;
         let start = Instant::now();
-        let solution = match RadiositySolution::solve_watched(world, settings, observer, watcher) {
+        let solution = match RadiositySolution::solve(world, settings, observer) {
             Ok(solution) => Arc::new(solution),
             Err(RadiosityError::Cancelled) => return Ok(None),
             Err(problem) => return Err(Failure::new(Exit::Scene, format!("{name}: {}", JobError::from(problem)))),

@@ -237,59 +237,6 @@ fn solving_tells_of_its_phases() {
 }
 
 #[test]
-fn steps_of_shooting_are_pictures_that_approach_the_last_one() {
-    let folder = room();
-    let shooting = "render room.kdl -o room.png --set integrator.method=shooting --set integrator.error=0.3";
-    let json = folder.says(&format!("{shooting} --shooting-steps s.####.png --progress json"), 0, &[]);
-    let written = events(&json, "step");
-    let steps: Vec<u64> = written.iter().map(|event| event["step"].as_u64().unwrap()).collect();
-    assert!(steps.len() >= 4 && steps.iter().enumerate().all(|(i, step)| *step == 1 << i), "{steps:?}");
-    let unsent: Vec<f64> = written.iter().map(|event| event["unsent"].as_f64().unwrap()).collect();
-    assert!(unsent[0] < 1.0 && unsent[unsent.len() - 1] < unsent[0] / 2.0, "{unsent:?}");
-    let picture = |name: &str| {
-        let decoded = canaletto_io::picture::decode(&folder.bytes(name)).unwrap();
-        decoded.image.channels.iter().flat_map(|channel| channel.data.clone()).collect::<Vec<f32>>()
-    };
-    let last = picture("room.png");
-    let distance = |step: &u64| {
-        let shown = picture(&format!("s.{step:04}.png"));
-        shown.iter().zip(&last).map(|(a, b)| f64::from((a - b) * (a - b))).sum::<f64>()
-    };
-    let far = distance(&steps[0]);
-    assert!(far > 0.0 && distance(steps.last().unwrap()) < far / 4.0, "{far} {}", distance(steps.last().unwrap()));
-    // The solution is the same with and without pictures of steps.
-    folder.says(&shooting.replace("room.png", "plain.png"), 0, &[]);
-    equal(&folder, "room.png", "plain.png");
-    folder.says(&format!("{shooting} -q --shooting-steps t.#.exr --shooting-every 5"), 0, &[]);
-    assert!(folder.path("t.5.exr").exists() && folder.path("t.10.exr").exists() && !folder.path("t.1.exr").exists());
-}
-
-#[test]
-fn steps_replace_nothing_else() {
-    let folder = room();
-    let wrong = |arguments: &str, code: i32, words: &[&str]| {
-        let shooting = "--set integrator.method=shooting --set integrator.error=0.5";
-        folder.says(&format!("render room.kdl {shooting} {arguments}"), code, words);
-    };
-    wrong("--shooting-steps s.png", 2, &["every step would be written to s.png"]);
-    wrong("--shooting-steps s.#.gif", 2, &["steps are pictures"]);
-    wrong("--shooting-steps none/s.#.png", 1, &["there is no folder none"]);
-    wrong("-o s.1.png --shooting-steps s.#.png", 2, &["may replace s.1.png"]);
-    wrong("--frames 1-2 -o f.#.png --shooting-steps s.#.png", 2, &["takes one frame"]);
-    wrong("--shooting-every 2", 2, &["--shooting-steps"]);
-    folder.says("render room.kdl --shooting-steps s.#.png", 2, &["hierarchical has no steps", "method=shooting"]);
-    folder.says("render room.kdl --integrator whitted --shooting-steps s.#.png", 2, &["for the integrator radiosity"]);
-    // A step's picture would replace the texture.
-    fs::write(folder.path("grain.1.png"), GRAIN).unwrap();
-    folder.write("room.kdl", ROOM.replace("grain.png", "grain.1.png"));
-    wrong("--shooting-steps grain.#.png", 2, &["--shooting-steps grain.1.png would replace a file that is read"]);
-    assert!(folder.bytes("grain.1.png") == GRAIN);
-    fs::write(folder.path("s.1.png"), "old").unwrap();
-    wrong("--shooting-steps s.#.png --no-clobber", 1, &["s.1.png exists already"]);
-    assert!(folder.bytes("s.1.png") == b"old" && !folder.path("room.png").exists());
-}
-
-#[test]
 fn ambient_light_that_is_not_added_is_told_of() {
     let folder = room();
     folder.write("room.kdl", format!("{ROOM}ambient 0.2\n"));

@@ -151,7 +151,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     let _baking = interrupt::Rendering;
     interrupt::Rendering::begins();
     memory::working_at("solving the light");
-    let solved = solutions.solution(&name, &world, &fingerprint, &settings, &watch, &mut ())?;
+    let solved = solutions.solution(&name, &world, &fingerprint, &settings, &watch)?;
     let Some((solution, _)) = solved else { return Ok(Exit::Interrupted) };
     memory::working_at("baking the light map");
     let density = match (flags.size, flags.texels_per_unit) {

@@ -154,7 +154,7 @@ fn measure(flags: &MeasureFlags) -> Result<Exit, Failure> {
     let meter = match method {
         Method::Path => Meter::Paths(Box::new(PathMeter::new(&world, paths))),
         Method::Radiosity => {
-            let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals, &mut ())?;
+            let solved = solutions.solution(&source.name, &world, &fingerprint, &settings, &Signals)?;
             let Some((solved, _)) = solved else { return Ok(Exit::Interrupted) };
             solution = solved;
             if !flags.quiet {

@@ -130,7 +130,7 @@ impl<'a> Subject<'a> {
         let job = Job { frame: source.frame, ..settings.job };
         let given = match (&fingerprint, job.description().radiosity()) {
             (Some(fingerprint), Some(settings)) => {
-                let found = solutions.solution(&source.name, &world, fingerprint, settings, &(), &mut ())?;
+                let found = solutions.solution(&source.name, &world, fingerprint, settings, &())?;
                 Some(found.ok_or(Failure::Reported(Exit::Interrupted))?.0)
             }
             _ => None,

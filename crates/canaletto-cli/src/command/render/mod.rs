@@ -19,7 +19,6 @@ use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
 use crate::settings::Settings;
-use crate::shooting_steps::{ShootingFlags, StepPictures};
 use crate::solutions::{SolutionFlags, Solutions, fingerprint};
 use crate::source::{Reader, STDIN, build, on_threads};
 use crate::watch::watch;
@@ -51,9 +50,6 @@ pub(crate) struct RenderFlags {
     pub passes: PassFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
-    #[command(flatten)]
-    pub shooting: ShootingFlags,
-
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
     ///
     /// Each frame has different random numbers. A complete frame of the same scene, settings and program is kept: the
@@ -209,7 +205,7 @@ impl Task {
     fn files(&self) -> CommandFiles {
         let (pictures, preview) = (self.plan.all_files(), self.flags.preview.clone().flatten());
         let parts = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
-        self.solution_and_steps()
+        self.solution_files()
             .reads("--solution", &self.flags.solution.solution)
             .writes("--output", pictures)
             .writes("--output", parts.flat_map(|file| [partial(&file), partial(&with_samples(&file))]))
@@ -220,14 +216,11 @@ impl Task {
     fn others(&self) -> CommandFiles {
         let preview = self.plan.preview.iter().map(|preview| preview.path(self.plan.frames.first));
         let layers = self.plan.frames.iter().flat_map(|frame| self.plan.files(frame).into_iter().skip(1));
-        self.solution_and_steps().writes("--preview", preview).writes("--aov", layers)
+        self.solution_files().writes("--preview", preview).writes("--aov", layers)
     }
 
-    fn solution_and_steps(&self) -> CommandFiles {
-        let steps = self.plan.steps.iter().flat_map(StepPictures::existing);
-        CommandFiles::default()
-            .writes("--save-solution", self.flags.solution.save_solution.clone())
-            .writes("--shooting-steps", steps)
+    fn solution_files(&self) -> CommandFiles {
+        CommandFiles::default().writes("--save-solution", self.flags.solution.save_solution.clone())
     }
 }
 
@@ -286,7 +279,7 @@ fn is_folder(path: &Path, flags: &RenderFlags) -> bool {
 fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
     let json = flags.progress == ProgressFlag::Json;
     let output = flags.output.output.as_deref();
-    if let Some(flag) = flags.solution.given().or(flags.shooting.shooting_steps.as_ref().map(|_| "--shooting-steps")) {
+    if let Some(flag) = flags.solution.given() {
         return Err(Failure::usage(format!("{flag}: it is for one scene, but there are several")));
     }
     let is_for_all = |output: &Path| is_folder(output, flags) || pattern(output).is_some();
@@ -356,7 +349,6 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
     settings.job = flags.passes.apply(settings.job, flags.picture.samples)?;
     settings.check_pixels()?;
     flags.solution.check_integrator(&source.name, &settings.job.integrator)?;
-    flags.shooting.check_integrator(&source.name, &settings.job.integrator)?;
     let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
     solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
     let job = Job { aovs: plan.aovs.clone(), ..settings.job.clone() };

@@ -6,7 +6,6 @@ use crate::failure::Failure;
 use crate::frames::{Frames, FramesFlag};
 use crate::output::{Output, OutputFlags};
 use crate::progress::Style;
-use crate::shooting_steps::StepPictures;
 use crate::source::Reader;
 use canaletto::Named;
 use canaletto::integrator::layers_of;
@@ -23,7 +22,6 @@ pub(crate) struct Plan {
     pub rate: Rate,
     pub aovs: Vec<Aov>,
     pub style: Style,
-    pub steps: Option<StepPictures>,
     /// Where pictures in the making are written.
     pub preview: Option<Output>,
 }
@@ -77,8 +75,7 @@ impl Plan {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
-        let steps = steps(flags, &output, &aovs, frames)?;
-        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, steps, preview })
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, preview })
     }
 
     /// The files of a frame, the picture first.
@@ -116,32 +113,6 @@ fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Fra
         None => return Ok(output.clone()),
     };
     Err(Failure::usage(format!("--preview: {why}")).help("render one picture into a file, such as --output shot.png"))
-}
-
-/// The pictures after steps of shooting.
-fn steps(
-    flags: &RenderFlags,
-    output: &Output,
-    layers: &[Aov],
-    frames: Frames,
-) -> Result<Option<StepPictures>, Failure> {
-    let Some(pattern) = &flags.shooting.shooting_steps else { return Ok(None) };
-    if frames.count() > 1 {
-        return Err(Failure::usage("--shooting-steps takes one frame, but there are several")
-            .help(format!("give one of them, such as --frames {}", frames.first)));
-    }
-    let steps = StepPictures::new(pattern, flags.shooting.shooting_every, &flags.output)?;
-    let layers = layers.iter().map(|aov| output.layer_path(frames.first, aov.name()));
-    let others = [flags.solution.save_solution.clone(), flags.preview.clone().flatten()].into_iter().flatten();
-    let kept = flags.passes.continue_from.clone();
-    let all = [output.path(frames.first)].into_iter().chain(layers).chain(others).chain(kept);
-    match all.into_iter().find(|file| steps.is_name(file)) {
-        Some(file) => {
-            Err(Failure::usage(format!("--shooting-steps {} may replace {}", pattern.display(), file.display()))
-                .help("choose another name for the steps"))
-        }
-        None => Ok(Some(steps)),
-    }
 }
 
 /// The frames to render.

@@ -20,13 +20,12 @@ use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, SampleReport, Times};
 use crate::settings::{Settings, metadata, sampling_words};
-use crate::shooting_steps::StepWriter;
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::told_developing::METERED_EXPOSURE;
 use canaletto::film::{SampleBlocks, metered_exposure};
-use canaletto::integrator::radiosity::{RadiositySolution, ShootingWatcher, SolutionFingerprint};
+use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, Session};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
@@ -254,8 +253,8 @@ impl<'a> Series<'a> {
     /// Whether a frame's files exist, are complete and match what would be rendered.
     fn keeps(&self, frame_context: &FrameContext, frame: u32) -> bool {
         let output = &self.plan.output;
-        if self.solutions.is_unsaved() || self.plan.steps.is_some() {
-            return false; // Solutions and steps are written when a frame is rendered.
+        if self.solutions.is_unsaved() {
+            return false; // Solutions are written when a frame is rendered.
         }
         if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
             return false;
@@ -283,8 +282,6 @@ impl<'a> Series<'a> {
         }
         let stops = match self.metered {
             Some(stops) => stops,
-            // The pictures of shooting steps are those of the frame's own solution.
-            None if self.plan.steps.is_some() => meter(&self.reader.name, world, &frame_context.job, None)?,
             None => {
                 let small = Job { frame, ..frame_context.job.metering() };
                 let label = "exposure  ".to_owned();
@@ -536,23 +533,7 @@ impl<'a> Series<'a> {
         let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
             return Ok((of_session(None)?, None));
         };
-        let mut writer = self.plan.steps.as_ref().map(|pictures| StepWriter {
-            pictures,
-            world,
-            job: Job { aovs: Vec::new(), ..job.clone() },
-            texts: &frame_context.texts,
-            style: self.plan.style,
-            quiet: self.flags.quiet,
-            failure: None,
-        });
-        let watcher: &mut dyn ShootingWatcher = match &mut writer {
-            Some(writer) => writer,
-            None => &mut (),
-        };
-        let solved = self.solutions.solution(&name, world, fingerprint, settings, observer, watcher)?;
-        if let Some(failure) = writer.and_then(|writer| writer.failure) {
-            warn_unwritten("--shooting-steps", &failure, self.plan.style, self.flags.quiet);
-        }
+        let solved = self.solutions.solution(&name, world, fingerprint, settings, observer)?;
         match solved {
             Some((solution, source)) => Ok((of_session(Some(&solution))?, Some(source))),
             None => Ok((Rendering::unfinished(world, job), None)),
