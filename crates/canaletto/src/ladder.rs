@@ -3,7 +3,7 @@
 
 use crate::named;
 use crate::render::Job;
-use crate::scene::{Integrator, Sampling, Scene, Stage, WhittedSettings};
+use crate::scene::{Sampling, Scene, Stage, WhittedSettings};
 
 /// A rung of the ladder. Each contains the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -86,7 +86,7 @@ impl Rung {
             (_, Sampling::Corner) => Sampling::Corner,
             _ => Sampling::Center,
         };
-        let mut job = Job { integrator: Integrator::Whitted(settings), ..job.clone() };
+        let mut job = Job { integrator: settings.into(), ..job.clone() };
         job.film.sampling = sampling;
         job
     }

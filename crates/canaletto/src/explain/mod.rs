@@ -5,6 +5,7 @@
 
 mod developed;
 mod difference;
+mod drawing;
 mod environment_text;
 mod intersection;
 mod light_text;

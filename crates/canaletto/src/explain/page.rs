@@ -1,5 +1,6 @@
 //! An explanation as a page: the drawing, the way from light to the file, and the terms as tables that fold.
 
+use super::drawing::drawn_levels;
 use super::light_text::{by_light, dark, sum_of};
 use super::number::{Digits, Number};
 use super::outside::OutsideView;
@@ -7,7 +8,7 @@ use super::path::PathTree;
 use super::ray_tree::RayTree;
 use super::text_writer::{TextStyle, counted};
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode};
-use super::tree_svg::{drawn_levels, escaped, hex};
+use super::tree_svg::{escaped, hex};
 use crate::integrator::RayKind;
 use crate::material::Parameter;
 use crate::math::Rgb;

@@ -1,10 +1,10 @@
 //! The tree of rays as a drawing (fig. 5.29): surfaces with swatches of their colours, rays with their factors, and a
 //! mark for each light.
 
-use super::light_text::{by_light, sum_of};
+use super::drawing::{DrawnLight, DrawnRay};
 use super::outside::{OUTSIDE_STYLE, OutsideView};
 use super::ray_tree::RayTree;
-use super::tree::{HitNode, Outcome, PixelTree, RayNode};
+use super::tree::PixelTree;
 use crate::film::srgb_encode;
 use crate::integrator::RayKind;
 use crate::math::Rgb;
@@ -24,9 +24,6 @@ const TOP: f64 = 56.0;
 /// The largest width of a tree beside which the view from outside stands.
 const WIDE: f64 = 900.0;
 
-/// The most nodes of a drawing that has no number of levels.
-const MOST_NODES: usize = 40;
-
 /// The most lights with a mark of their own.
 const MOST_LIGHTS: usize = 8;
 
@@ -42,7 +39,9 @@ impl PixelTree {
         let (index, count) = (self.nearest_to_mean(), self.samples.len());
         let sample = if count > 1 { format!(", sample {} of {count}", index + 1) } else { String::new() };
         match self.samples.get(index) {
-            Some(sampled) => drawing(&sampled.ray, levels, &format!("pixel ({x}, {y}){sample}"), outside),
+            Some(sampled) => {
+                drawing(&DrawnRay::of_tree(&sampled.ray, levels), &format!("pixel ({x}, {y}){sample}"), outside)
+            }
             None => drawing_of(&[], 0.0, 0, "no sample", None),
         }
     }
@@ -51,81 +50,32 @@ impl PixelTree {
 impl RayTree {
     /// The tree as SVG, as [`PixelTree::svg`].
     pub fn svg(&self, levels: Option<u32>, outside: Option<(&OutsideView, &str)>) -> String {
-        drawing(&self.ray, levels, "a ray", outside)
+        drawing(&DrawnRay::of_tree(&self.ray, levels), "a ray", outside)
     }
 }
 
 /// A node with its place.
 struct Placed<'t> {
-    ray: &'t RayNode,
+    ray: &'t DrawnRay,
     /// The middle of its upper edge.
     at: [f64; 2],
     /// The index of its parent.
     parent: Option<usize>,
-    /// The number of rays below it that aren't drawn.
-    hidden: usize,
 }
 
-/// The number of levels of a drawing: as many as are wanted, or as are easy to look at.
-pub(super) fn drawn_levels(ray: &RayNode, levels: Option<u32>) -> u32 {
-    levels.unwrap_or_else(|| {
-        let deepest = super::ray_text::levels_of(ray);
-        (1..=deepest).take_while(|&levels| nodes_of(ray, levels) <= MOST_NODES).last().unwrap_or(1)
-    })
-}
-
-/// The rays of a drawing, in the order of their numbers.
-pub(super) fn drawn_rays(ray: &RayNode, levels: Option<u32>) -> Vec<&RayNode> {
-    placed_rays(ray, levels).0.iter().map(|placed| placed.ray).collect()
-}
-
-/// The nodes of a drawing with their places, and the width of all.
-fn placed_rays(ray: &RayNode, levels: Option<u32>) -> (Vec<Placed<'_>>, f64) {
-    let levels = drawn_levels(ray, levels);
+/// The drawing of a ray and those below it.
+pub(super) fn drawing(ray: &DrawnRay, title: &str, outside: Option<(&OutsideView, &str)>) -> String {
     let (mut placed, mut next) = (Vec::new(), LABEL);
-    place(ray, None, 1, levels, &mut placed, &mut next);
-    (placed, next)
-}
-
-pub(super) fn drawing(
-    ray: &RayNode,
-    levels: Option<u32>,
-    title: &str,
-    outside: Option<(&OutsideView, &str)>,
-) -> String {
-    let (placed, next) = placed_rays(ray, levels);
+    place(ray, None, TOP, &mut placed, &mut next);
     let rows = placed.iter().map(|node| node.at[1]).fold(0.0, f64::max);
     drawing_of(&placed, next, ((rows - TOP) / ROW) as u32 + 1, title, outside)
 }
 
-/// The number of nodes down to a level.
-fn nodes_of(ray: &RayNode, levels: u32) -> usize {
-    if levels == 0 {
-        return 0;
-    }
-    1 + ray.below().map(|child| nodes_of(child, levels - 1)).sum::<usize>()
-}
-
 /// Places a node above the middle of its children, and returns the middle of its upper edge.
-fn place<'t>(
-    ray: &'t RayNode,
-    parent: Option<usize>,
-    level: u32,
-    levels: u32,
-    placed: &mut Vec<Placed<'t>>,
-    next: &mut f64,
-) -> f64 {
+fn place<'t>(ray: &'t DrawnRay, parent: Option<usize>, y: f64, placed: &mut Vec<Placed<'t>>, next: &mut f64) -> f64 {
     let index = placed.len();
-    let y = TOP + f64::from(level - 1) * ROW;
-    placed.push(Placed { ray, at: [0.0, y], parent, hidden: 0 });
-    let mut middles = Vec::new();
-    for child in ray.below() {
-        if level < levels {
-            middles.push(place(child, Some(index), level + 1, levels, placed, next));
-        } else {
-            placed[index].hidden += nodes_of(child, u32::MAX);
-        }
-    }
+    placed.push(Placed { ray, at: [0.0, y], parent });
+    let middles: Vec<f64> = ray.below.iter().map(|child| place(child, Some(index), y + ROW, placed, next)).collect();
     let x = match (middles.first(), middles.last()) {
         (Some(first), Some(last)) => (first + last) / 2.0,
         _ => {
@@ -201,11 +151,7 @@ fn write_edge(svg: &mut String, node: &Placed, parent: Option<[f64; 2]>) {
 fn write_node(svg: &mut String, number: usize, node: &Placed) {
     let [x, y] = node.at;
     let left = x - NODE[0] / 2.0;
-    let name = match &node.ray.outcome {
-        Outcome::Hit(hit) => &hit.object,
-        Outcome::Miss { environment: Some(_), .. } => "environment",
-        Outcome::Miss { environment: None, .. } => "background",
-    };
+    let name = &node.ray.end;
     let mut short: String = name.chars().take(MOST_LETTERS).collect();
     if short.len() < name.len() {
         short.push('…');
@@ -234,24 +180,21 @@ fn write_node(svg: &mut String, number: usize, node: &Placed) {
          font-size=\"10\" text-anchor=\"middle\">{number}</text>",
         y + 3.5
     );
-    if let Outcome::Hit(hit) = &node.ray.outcome {
-        write_lights(svg, hit, left + 34.0, y + 48.0);
-    }
-    if node.hidden > 0 {
-        let rays = super::text_writer::counted(node.hidden, "more ray");
+    write_lights(svg, &node.ray.lights, left + 34.0, y + 48.0);
+    if node.ray.hidden > 0 {
+        let rays = super::text_writer::counted(node.ray.hidden, "more ray");
         let _ = write!(svg, "<text x=\"{left:.1}\" y=\"{:.1}\" font-size=\"10\">{rays}</text>", y + height + 14.0);
     }
     let _ = writeln!(svg, "</g>");
 }
 
 /// Writes a round mark for each light: its part of the colour, or a cross if nothing of it arrives.
-fn write_lights(svg: &mut String, hit: &HitNode, x: f64, y: f64) {
-    for (index, points) in by_light(&hit.lights).take(MOST_LIGHTS).enumerate() {
-        let sum = sum_of(points);
-        let (cx, cross) = (x + 5.0 + 13.0 * index as f64, sum.is_black());
-        let [r, g, b] = sum.to_array().map(|v| format!("{v:.3}"));
-        let title = format!("{}: {r} {g} {b}", points[0].light);
-        let fill = if cross { "none".to_owned() } else { hex(sum) };
+fn write_lights(svg: &mut String, lights: &[DrawnLight], x: f64, y: f64) {
+    for (index, light) in lights.iter().take(MOST_LIGHTS).enumerate() {
+        let (cx, cross) = (x + 5.0 + 13.0 * index as f64, light.color.is_black());
+        let [r, g, b] = light.color.to_array().map(|v| format!("{v:.3}"));
+        let title = format!("{}: {r} {g} {b}", light.name);
+        let fill = if cross { "none".to_owned() } else { hex(light.color) };
         let _ = write!(
             svg,
             "<g><title>{}</title><circle class=\"mark\" cx=\"{cx:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{fill}\"/>",

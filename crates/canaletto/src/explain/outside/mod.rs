@@ -7,9 +7,7 @@ mod choice;
 mod picture;
 mod svg;
 
-use super::light_text::by_light;
-use super::tree::{LightNode, Outcome, RayNode};
-use super::tree_svg::drawn_rays;
+use super::drawing::DrawnRay;
 use super::{PathTree, PixelTree, RayTree};
 use crate::camera::Camera;
 use crate::integrator::RayKind;
@@ -108,7 +106,7 @@ impl PixelTree {
     pub fn outside(&self, world: &World, job: &Job, levels: Option<u32>) -> Option<OutsideView> {
         let sample = self.samples.get(self.nearest_to_mean())?;
         let time = sample.time.unwrap_or(0.0);
-        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &sample.ray, levels))
+        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &DrawnRay::of_tree(&sample.ray, levels)))
     }
 }
 
@@ -117,21 +115,21 @@ impl PathTree {
     pub fn outside(&self, world: &World, job: &Job, chosen: Option<usize>, levels: Option<u32>) -> Option<OutsideView> {
         let sample = self.samples.get(chosen.or_else(|| self.nearest_to_mean())?)?;
         let time = sample.time.unwrap_or(0.0);
-        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &sample.as_tree()?, levels))
+        Some(OutsideView::new(world, &job.camera.at(time), time as f32, &DrawnRay::of_path(sample, levels)?))
     }
 }
 
 impl RayTree {
     /// The scene from outside with the rays that [`RayTree::svg`] draws.
     pub fn outside(&self, world: &World, job: &Job, levels: Option<u32>) -> OutsideView {
-        OutsideView::new(world, &job.camera.at(0.0), 0.0, &self.ray, levels)
+        OutsideView::new(world, &job.camera.at(0.0), 0.0, &DrawnRay::of_tree(&self.ray, levels))
     }
 }
 
 impl OutsideView {
-    /// The view of a tree down to a level, at a time of the shutter. `camera` is that of the picture.
-    pub(super) fn new(world: &World, camera: &Camera, time: f32, ray: &RayNode, levels: Option<u32>) -> OutsideView {
-        let contents = Contents::new(world, &drawn_rays(ray, levels));
+    /// The view of a ray and those below it, at a time of the shutter. `camera` is that of the picture.
+    pub(super) fn new(world: &World, camera: &Camera, time: f32, ray: &DrawnRay) -> OutsideView {
+        let contents = Contents::new(world, &ray.all());
         let axes = ViewAxes::choose(world, camera, time, &contents);
         let strokes = contents.segments.iter().map(|segment| {
             // Nothing in the view is farther away than its diagonal, as seen from a place in it.
@@ -150,12 +148,9 @@ impl OutsideView {
 }
 
 impl Contents {
-    fn new(world: &World, rays: &[&RayNode]) -> Contents {
+    fn new(world: &World, rays: &[&DrawnRay]) -> Contents {
         let local = |p: [f64; 3]| DVec3::from(p) - world.origin();
-        let hit_of = |ray: &RayNode| match &ray.outcome {
-            Outcome::Hit(hit) => Some(local(hit.point)),
-            Outcome::Miss { .. } => None,
-        };
+        let hit_of = |ray: &DrawnRay| ray.point.map(local);
         let hits: Vec<(usize, DVec3, Rgb)> =
             (1..).zip(rays).filter_map(|(number, ray)| hit_of(ray).map(|at| (number, at, ray.color))).collect();
         let origin = local(rays[0].origin);
@@ -184,25 +179,21 @@ impl Contents {
             let (from, direction) = (local(ray.origin), DVec3::from(ray.direction.map(f64::from)));
             let to = hit_of(ray).ok_or(direction);
             segments.push(Segment { kind: StrokeKind::Ray(ray.kind), from, to, number: Some(number) });
-            let Outcome::Hit(hit) = &ray.outcome else { continue };
-            for light in by_light(&hit.lights).take(MOST_LIGHTS).filter_map(shown_point) {
-                let (from, direction) = (local(hit.point), DVec3::from(light.direction.map(f64::from)));
-                let to = from + direction * f64::from(light.distance);
-                let has_end = light.distance.is_finite() && is_near(to);
-                if has_end && !lights.iter().any(|(name, at)| *name == light.light && at.distance(to) < 1e-3 * half) {
-                    lights.push((light.light.clone(), to));
+            let Some(from) = hit_of(ray) else { continue };
+            for light in ray.lights.iter().take(MOST_LIGHTS) {
+                let Some(shadow_ray) = light.shadow_ray else { continue };
+                let direction = DVec3::from(shadow_ray.direction.map(f64::from));
+                let to = from + direction * f64::from(shadow_ray.distance);
+                let has_end = shadow_ray.distance.is_finite() && is_near(to);
+                if has_end && !lights.iter().any(|(name, at)| *name == light.name && at.distance(to) < 1e-3 * half) {
+                    lights.push((light.name.clone(), to));
                     framed.push(to);
                 }
-                let kind = if light.f_s > 0.0 { StrokeKind::Light } else { StrokeKind::Blocked };
+                let kind = if shadow_ray.is_lit { StrokeKind::Light } else { StrokeKind::Blocked };
                 let to = if has_end { Ok(to) } else { Err(direction) };
                 segments.push(Segment { kind, from, to, number: None });
             }
         }
         Contents { segments, hits, lights, origin, framed }
     }
-}
-
-/// The point of a light whose shadow ray is drawn: the first one that isn't behind the surface.
-fn shown_point(points: &[LightNode]) -> Option<&LightNode> {
-    points.iter().find(|point| !super::light_text::is_behind(point))
 }

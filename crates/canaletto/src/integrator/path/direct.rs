@@ -142,9 +142,6 @@ impl PathTracer<'_> {
         if shadow.t_max < 0.0 {
             return Rgb::WHITE;
         }
-        if self.sees_through {
-            return self.visible_through(shadow);
-        }
         match shadow.source {
             Source::Light(_) => {
                 let occlusion = self.world.occlusion(&shadow.ray, shadow.t_max, self.time, &mut self.occluder);
@@ -163,17 +160,23 @@ impl PathTracer<'_> {
             return Rgb::WHITE;
         }
         let passed = match occlusion {
-            Occlusion::Nothing => Rgb::WHITE,
             Occlusion::Opaque => Rgb::BLACK,
-            Occlusion::Clear => return self.visible_through(shadow),
+            // Bodies that cast no shadow may be filled with a medium.
+            Occlusion::Nothing if !self.has_media => Rgb::WHITE,
+            Occlusion::Nothing | Occlusion::Clear => return self.visible_through(shadow),
         };
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(passed.is_black());
         passed
     }
 
-    /// Whether an emitter or the environment is seen, by the first hit of its shadow ray: white or black.
+    /// The share of the light of an emitter or of the environment, by the first hit of its shadow ray. It is white or
+    /// black, unless the ray begins in a body, or something that lets light through is hit first.
     pub(super) fn visible_at(&mut self, shadow: &ShadowRay, hit: Option<Hit>) -> Rgb {
+        let is_opaque = |hit: Hit| self.world.material(&hit).is_opaque();
+        if self.sees_through && (shadow.inside != [NONE; 2] || !hit.is_none_or(is_opaque)) {
+            return self.visible_through(shadow);
+        }
         self.counts.shadow.traced += 1;
         let is_seen = match (shadow.source, hit) {
             (Source::Environment, None) => true,

@@ -127,14 +127,6 @@ impl PathTracer<'_> {
         bundle: &mut RayBundle,
         paths: &mut [Path],
     ) {
-        if self.sees_through {
-            for PathShadow { path, ray, throughput } in shadows {
-                self.set_time(paths[*path as usize].time);
-                let light = (ray.light * self.visible(ray)).saturated();
-                paths[*path as usize].light += (*throughput * light).saturated();
-            }
-            return;
-        }
         // Rays to one light often have one occluder. Each path has one shadow ray, so that the order changes no sum.
         order.clear();
         order.extend(shadows.iter().enumerate().map(|(index, shadow)| shadow.key(index)));

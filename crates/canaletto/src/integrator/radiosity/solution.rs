@@ -10,7 +10,7 @@ use super::outline::Outline;
 use super::root::planes_without_patches;
 use crate::Named;
 use crate::job::{Job, JobError};
-use crate::scene::{Integrator, RadiositySettings};
+use crate::scene::RadiositySettings;
 use crate::world::World;
 use glam::DVec3;
 
@@ -239,10 +239,10 @@ impl RadiositySolution {
 
     /// Checks that the solution can be that of a job in a world.
     pub(crate) fn check(&self, world: &World, job: &Job) -> Result<(), JobError> {
-        match job.integrator {
-            Integrator::Radiosity(_) if self.fits(world) => Ok(()),
-            Integrator::Radiosity(_) => Err(JobError::Radiosity("the solution is one of another scene".into())),
-            _ => Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name()))),
+        match job.description().radiosity() {
+            Some(_) if self.fits(world) => Ok(()),
+            Some(_) => Err(JobError::Radiosity("the solution is one of another scene".into())),
+            None => Err(JobError::Radiosity(format!("the integrator {} takes no solution", job.integrator.name()))),
         }
     }
 
