@@ -42,7 +42,7 @@ fn two_runs_of_32_samples_are_one_of_64() {
     folder.says("render s.kdl -q --samples 64 -o whole.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 32 -o half.exr", 0, &[]);
     folder.says("render s.kdl -q --samples 64 --continue half.exr -o on.exr --threads 3", 0, &[]);
-    assert!(fs::read(folder.path("on.exr")).unwrap() == fs::read(folder.path("whole.exr")).unwrap());
+    assert!(folder.bytes("on.exr") == folder.bytes("whole.exr"));
     // Over itself, by a number of samples that makes several blocks, and with the halves.
     folder.says("render s.kdl -q --samples 40 --continue half.exr -o half.exr", 0, &[]);
     assert!(folder.picture("half.exr").image.channel("block_2.R").is_some());
@@ -266,7 +266,7 @@ const GROWING: [&str; 3] =
 
 #[test]
 fn all_integrators_grow() {
-    let folder = Folder::new();
+    let folder = Folder::new("s.kdl", SCENE);
     for integrator in GROWING {
         let render = |flags: &str, words: &[&str]| {
             folder.says(&format!("render s.kdl {integrator} {flags}"), 0, words);
@@ -274,16 +274,13 @@ fn all_integrators_grow() {
         render("-q --samples 8 --progressive -o half.exr", &[]);
         render("-q --samples 16 --progressive -o whole.exr", &[]);
         render("-q --samples 16 --continue half.exr -o on.exr --threads 3", &[]);
-        assert!(
-            fs::read(folder.path("on.exr")).unwrap() == fs::read(folder.path("whole.exr")).unwrap(),
-            "{integrator}"
-        );
+        assert!(folder.bytes("on.exr") == folder.bytes("whole.exr"), "{integrator}");
         render("-q --samples 8 --first-sample 8 -o second.exr", &[]);
         let of = |name: &str| folder.picture(name).image.channel("G").unwrap().to_vec();
         let mean: Vec<f32> = of("half.exr").iter().zip(of("second.exr")).map(|(a, b)| 0.5 * a + 0.5 * b).collect();
         assert_eq!(mean, of("whole.exr"), "{integrator}");
         render("--time 1h --samples 16 -o time.exr", &["16 samples per pixel"]);
-        folder.same("time.exr", "whole.exr");
+        same(&folder, "time.exr", "whole.exr");
         render("--noise 0.5 --samples 256 -o noise.exr", &["64 samples, noise 0."]);
         // Without being asked for, the picture is the usual one, and holds no samples.
         render("-q --samples 16 -o usual.exr", &[]);
@@ -298,14 +295,14 @@ fn all_integrators_grow() {
 #[test]
 fn interrupted_pictures_of_all_integrators_go_on() {
     for integrator in GROWING {
-        let folder = Folder::new();
+        let folder = Folder::new("s.kdl", SCENE);
         let (done, wanted) =
             interrupted_after(&folder, &format!("{integrator} --progressive --size 96x64 -o a.exr"), 4);
         assert_eq!((&done["complete"], &done["files"][0]), (&false.into(), &"a.partial.exr".into()), "{integrator}");
         let run = format!("render s.kdl {integrator} --progressive --size 96x64 --samples {wanted} -q");
         folder.says(&format!("{run} --continue a.partial.exr -o a.exr"), 0, &[]);
         folder.says(&format!("{run} -o whole.exr"), 0, &[]);
-        folder.same("a.exr", "whole.exr");
+        same(&folder, "a.exr", "whole.exr");
     }
 }
 
