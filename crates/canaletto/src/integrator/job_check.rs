@@ -27,7 +27,12 @@ impl Job {
         }
         description.check()?;
         if let Some(aov) = self.aovs.iter().find(|aov| !description.makes(**aov, self.progressive)) {
-            return Err(JobError::Layer { layer: aov.name(), integrator: self.integrator.name() });
+            let otherwise = match (description.makes(*aov, !self.progressive), self.progressive) {
+                (true, false) => ", but it does in a progressive picture",
+                (true, true) => ", but it does in a picture that isn't progressive",
+                (false, _) => "",
+            };
+            return Err(JobError::Layer { layer: aov.name(), integrator: self.integrator.name(), otherwise });
         }
         match self.film.sampling {
             Sampling::Regular(n) | Sampling::Jittered(n) if !(1..=Sampling::MAX_GRID).contains(&n) => {
@@ -85,7 +90,7 @@ impl Job {
     /// The reason, as the end of a sentence.
     pub fn passes(&self) -> Result<(), &'static str> {
         if !self.progressive && !self.description().is_progressive_by_default() {
-            return Err("a picture of this integrator is only made so if it is asked for");
+            return Err("the job isn't progressive");
         }
         match (self.film.sampling, self.film.sampler, self.film.filter) {
             (Sampling::Center | Sampling::Sampled(1), ..) => Ok(()),

@@ -94,12 +94,14 @@ pub enum JobError {
     #[error("max-depth is {0}; it must be between 1 (only camera rays) and {max}", max = WhittedSettings::MAX_DEPTH)]
     Depth(u32),
     /// The integrator can't make a layer.
-    #[error("the {integrator} integrator doesn't make the layer \"{layer}\"")]
+    #[error("the {integrator} integrator doesn't make the layer \"{layer}\"{otherwise}")]
     Layer {
         /// The layer's name.
         layer: &'static str,
         /// The integrator's name.
         integrator: &'static str,
+        /// Where it does make it, as the end of the sentence; empty if nowhere.
+        otherwise: &'static str,
     },
     /// The integrator's pixels can't be explained.
     #[error(
