@@ -2,70 +2,28 @@
 //! hierarchies, or more where prototypes are kept as groups. A world is built once, then immutable. Building is the
 //! last step that can fail.
 
-mod batch_query;
-mod body;
 mod build;
-mod bundle;
-mod bundle_tree;
-mod contact;
-mod displacement;
-mod edges;
-mod emitting;
-mod facets;
-mod flat_objects;
-mod flatten;
-#[cfg(test)]
-mod flatten_tests;
-mod folds;
-mod geometries;
-mod geometry;
-mod geometry_probe;
-mod group;
-mod instance;
-mod instancing;
-#[cfg(test)]
-mod instancing_tests;
-mod light_meshes;
-mod motion;
-#[cfg(test)]
-mod object_id_tests;
-mod object_numbers;
-mod object_surface;
-mod origin;
-mod packet_bounds;
-mod part;
-mod placed;
-mod query;
-mod required_spaces;
-mod reuse;
-#[cfg(test)]
-mod reuse_tests;
-mod shadow;
-#[cfg(test)]
-mod shadow_tests;
-mod shape_list;
-mod shells;
-mod single_shapes;
-mod solids;
-mod textured;
-mod visible_lights;
-mod zones;
+mod build_error;
+mod data;
+mod media;
+mod trace;
 
-pub(crate) use body::Body;
-pub use build::{BuildError, BuildOptions};
-pub use bundle::RayBundle;
+pub use build::BuildOptions;
+pub use build::reuse::ReuseCounts;
+pub use build_error::BuildError;
 pub use canaletto_bvh::Quality;
-pub(crate) use contact::{Contact, touching};
-pub(crate) use facets::Facet;
-pub use geometry_probe::GeometryProbe;
-pub use object_surface::{ObjectSurface, TooManyPrimitives};
-pub(crate) use placed::{MeshFacet, PlacedGeometry, Primitives};
-pub use query::Hit;
-pub use reuse::ReuseCounts;
-pub(crate) use shadow::{MAX_STALLED, ShadowRays};
-pub use shadow::{OccluderCache, Occlusion};
-pub(crate) use solids::Solids;
-pub use textured::{Reading, TextureRead};
+pub(crate) use media::body::Body;
+pub(crate) use media::solids::Solids;
+pub use trace::bundle::RayBundle;
+pub(crate) use trace::contact::{Contact, touching};
+pub(crate) use trace::facets::Facet;
+pub use trace::geometry_probe::GeometryProbe;
+pub use trace::object_surface::{ObjectSurface, TooManyPrimitives};
+pub(crate) use trace::placed::{MeshFacet, PlacedGeometry, Primitives};
+pub use trace::query::Hit;
+pub(crate) use trace::shadow::{MAX_STALLED, ShadowRays};
+pub use trace::shadow::{OccluderCache, Occlusion};
+pub use trace::textured::{Reading, TextureRead};
 
 use crate::light::PreparedLight;
 use crate::light::environment::PreparedEnvironment;
@@ -73,18 +31,18 @@ use crate::material::PreparedMaterial;
 use crate::math::Rgb;
 use crate::texture::PreparedTexture;
 use canaletto_bvh::Aabb;
-use emitting::VisibleLight;
-use geometry::Geometry;
+use data::geometry::Geometry;
+use data::group::Group;
+use data::instance::Unbounded;
+use data::light_meshes::LightMeshes;
+use data::motion::{MovingLight, TransformChain};
+use data::object_numbers::ObjectNumbers;
+use data::shells::Shells;
 use glam::{DVec3, Vec3};
-use group::Group;
-use instance::Unbounded;
-use light_meshes::LightMeshes;
-use motion::{MovingLight, TransformChain};
-use object_numbers::ObjectNumbers;
-use shells::Shells;
+use media::zones::Zones;
 use std::collections::HashMap;
 use std::ops::Range;
-use zones::Zones;
+use trace::emitting::VisibleLight;
 
 /// A scene ready to be traced. Its coordinates are relative to [`World::origin`].
 ///
@@ -113,20 +71,16 @@ pub struct World {
     pub lights: Vec<PreparedLight>,
     /// All textures, ready for lookups. The first ones are those of [`crate::scene::Scene::textures`].
     pub textures: Vec<PreparedTexture>,
-    texture_names: Vec<String>,
-    /// Whether any texture or the environment needs the footprint of a sample.
-    needs_differentials: bool,
-    /// All materials; the last one is the default for objects without a material.
-    materials: Vec<PreparedMaterial>,
-    /// The indices of the materials that show lights, and these lights.
-    light_materials: Range<u32>,
-    visible_lights: Vec<VisibleLight>,
-    /// The names and kinds of the described objects.
-    objects: Vec<Object>,
-    /// The numbers of all objects, copies included.
-    object_numbers: ObjectNumbers,
-    /// The numbers of objects within each prototype.
-    prototype_numbers: Vec<ObjectNumbers>,
+    geometry: SceneGeometry,
+    shading: Shading,
+    sources: LightSources,
+    names: Names,
+    media: ClearBodies,
+}
+
+/// What rays can hit: geometries, and the instances and groups that place them.
+#[derive(Debug)]
+struct SceneGeometry {
     geometries: Vec<Geometry>,
     /// For each geometry of a single object, that object. [`World::build_after`] uses it.
     owners: Vec<u32>,
@@ -141,22 +95,56 @@ pub struct World {
     groups: Vec<Group>,
     /// The transforms of moving instances over time.
     chains: Vec<TransformChain>,
-    /// The lights that move; `lights` has them at time 0.
-    moving_lights: Vec<MovingLight>,
-    /// The triangles of mesh lights, for lights that move.
-    light_meshes: LightMeshes,
     /// The bounds of each of the root's instances, if they are few.
     instance_bounds: Vec<Aabb>,
     /// Shapes without bounds, which are tested one by one. Their hits have the instance [`Hit::UNBOUNDED`].
     unbounded: Vec<Unbounded>,
+}
+
+/// What surfaces look like.
+#[derive(Debug)]
+struct Shading {
+    texture_names: Vec<String>,
+    /// Whether any texture or the environment needs the footprint of a sample.
+    needs_differentials: bool,
+    /// All materials; the last one is the default for objects without a material.
+    materials: Vec<PreparedMaterial>,
+}
+
+/// Where light comes from, besides the lights themselves.
+#[derive(Debug)]
+struct LightSources {
+    /// The indices of the materials that show lights, and these lights.
+    light_materials: Range<u32>,
+    visible_lights: Vec<VisibleLight>,
+    /// The lights that move; `lights` has them at time 0.
+    moving_lights: Vec<MovingLight>,
+    /// The triangles of mesh lights, for lights that move.
+    light_meshes: LightMeshes,
+    /// Whether any material may emit light.
+    may_emit: bool,
+}
+
+/// The names and numbers of objects.
+#[derive(Debug)]
+struct Names {
+    /// The names and kinds of the described objects.
+    objects: Vec<Object>,
+    /// The numbers of all objects, copies included.
+    object_numbers: ObjectNumbers,
+    /// The numbers of objects within each prototype.
+    prototype_numbers: Vec<ObjectNumbers>,
+}
+
+/// What may let light through.
+#[derive(Debug)]
+struct ClearBodies {
     /// For each of the root's instances, whether it may let light through. Empty if no material does.
     clear_instances: Vec<bool>,
     /// For each geometry, whether any material on it may let light through.
     clear_geometries: Vec<bool>,
     /// Whether any material may let light through.
     has_clear: bool,
-    /// Whether any material may emit light.
-    may_emit: bool,
     /// The bounds of all instances that may let light through.
     clear_bounds: Aabb,
     /// For each geometry that is a mesh and may be clear, its closed parts.
@@ -208,13 +196,13 @@ impl World {
     /// The origin is zero, unless the scene or its view's target lies so far from zero that `f32` would lose visible
     /// detail.
     pub fn origin(&self) -> DVec3 {
-        self.origin
+        self.geometry.origin
     }
 
     /// The bounds of all instances and shapes that have bounds, in the scene's coordinates.
     pub fn bounds(&self) -> Aabb {
-        let bounds = self.root.tree.bounds();
-        if self.origin == DVec3::ZERO || bounds.is_empty() {
+        let bounds = self.geometry.root.tree.bounds();
+        if self.geometry.origin == DVec3::ZERO || bounds.is_empty() {
             return bounds;
         }
         Aabb { min: self.to_scene(bounds.min), max: self.to_scene(bounds.max) }
@@ -222,38 +210,50 @@ impl World {
 
     /// The scene's coordinates of a point of the world, rounded to `f32`.
     pub fn to_scene(&self, p: Vec3) -> Vec3 {
-        if self.origin == DVec3::ZERO { p } else { (self.origin + p.as_dvec3()).as_vec3() }
+        if self.geometry.origin == DVec3::ZERO { p } else { (self.geometry.origin + p.as_dvec3()).as_vec3() }
     }
 
     /// The materials; the last one is the default.
     pub fn materials(&self) -> &[PreparedMaterial] {
-        &self.materials
+        &self.shading.materials
     }
 
     /// The number of primitives, counted once for each instance.
     pub fn primitives(&self) -> u64 {
-        self.root.primitives.saturating_add(self.unbounded.len() as u64)
+        self.geometry.root.primitives.saturating_add(self.geometry.unbounded.len() as u64)
     }
 
     /// The most groups that are nested around a primitive.
     pub(crate) fn most_groups(&self) -> usize {
-        self.groups.len().min(World::MAX_NESTING)
+        self.geometry.groups.len().min(World::MAX_NESTING)
     }
 
     /// Counts the parts of the world. Visits all of it.
     pub fn stats(&self) -> WorldStats {
         let mut stats = WorldStats {
-            objects: self.objects.len() as u64,
-            instances: self.root.leaves.into(),
-            shapes: self.unbounded.len() as u64,
+            objects: self.names.objects.len() as u64,
+            instances: self.geometry.root.leaves.into(),
+            shapes: self.geometry.unbounded.len() as u64,
             light_points: self.lights.iter().map(|l| u64::from(l.points())).sum(),
-            materials: self.materials.len() as u64,
+            materials: self.shading.materials.len() as u64,
             primitives: self.primitives(),
-            bytes: self.groups.iter().chain([&self.root]).map(|group| group.bytes() as u64).sum::<u64>()
-                + self.prototype_numbers.iter().chain([&self.object_numbers]).map(|n| n.bytes() as u64).sum::<u64>(),
+            bytes: self
+                .geometry
+                .groups
+                .iter()
+                .chain([&self.geometry.root])
+                .map(|group| group.bytes() as u64)
+                .sum::<u64>()
+                + self
+                    .names
+                    .prototype_numbers
+                    .iter()
+                    .chain([&self.names.object_numbers])
+                    .map(|n| n.bytes() as u64)
+                    .sum::<u64>(),
             ..WorldStats::default()
         };
-        for geometry in &self.geometries {
+        for geometry in &self.geometry.geometries {
             geometry.count(&mut stats);
         }
         stats

@@ -1,0 +1,338 @@
+//! The third stage of a hit: the effect of textures on the material and the shading normal. A world without textures
+//! has no such stage.
+
+use crate::material::{
+    MaterialPoint, Place, PreparedMaterial, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map,
+    clamp_to_hemisphere,
+};
+use crate::math::{DRay, Transform};
+use crate::shape::{Surface, SurfaceDifferential};
+use crate::texture::{Footprint, Lookup, PreparedTexture};
+use crate::world::GeometryProbe;
+use crate::world::{Hit, MeshFacet, World};
+use canaletto_bvh::Aabb;
+use glam::DVec3;
+
+/// A texture lookup at a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureRead<'a> {
+    /// The use, with the index of the texture in [`World::textures`].
+    pub used: &'a TextureUse,
+    /// The texture's name.
+    pub name: &'a str,
+    /// The places of the lookups, with their weights.
+    pub readings: &'a [Reading],
+    /// The texture's value, the weighted mean of the readings.
+    pub value: [f32; 4],
+    /// The material before this texture.
+    pub before: &'a MaterialPoint,
+    /// The material after this texture.
+    pub after: &'a MaterialPoint,
+    /// The unit shading normals before and after this texture, on the outer side.
+    pub normals: [DVec3; 2],
+}
+
+/// One place at which a texture was read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// The place and its footprint.
+    pub lookup: Lookup,
+    /// The weight of this reading in the value.
+    pub weight: f64,
+    /// The footprint on the texture's image, if it has one.
+    pub footprint: Option<Footprint>,
+}
+
+/// A hit in the space of its object.
+struct Local {
+    surface: Surface,
+    surface_differential: SurfaceDifferential,
+    to_world: Option<Transform>,
+    bounds: Option<Aabb>,
+    /// The origin of the object's coordinates.
+    origin: DVec3,
+}
+
+impl World {
+    /// Whether rays should carry ray differentials.
+    pub fn needs_differentials(&self) -> bool {
+        self.shading.needs_differentials
+    }
+
+    /// The surface differential at a hit of this line's ray, in the world's space.
+    pub fn surface_differential(&self, line: impl Into<DRay>, hit: &Hit) -> SurfaceDifferential {
+        let local = self.local(line.into(), hit, None);
+        match &local.to_world {
+            None => local.surface_differential,
+            Some(t) => local.surface_differential.transformed(t, &local.surface),
+        }
+    }
+
+    /// The material at a hit: with its textures if it has any, which may bend the surface's shading normal. `material`
+    /// is that of the hit, and `step` the footprint.
+    #[inline]
+    pub(crate) fn material_point<P: GeometryProbe + ?Sized>(
+        &self,
+        material: &PreparedMaterial,
+        (line, hit): (DRay, &Hit),
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        if material.is_plain() { material.at(surface) } else { self.textured(line, hit, surface, step, probe) }
+    }
+
+    /// The material at a hit of this line's ray. Textures bend the shading normal of `surface`, and its uv becomes the
+    /// object's. `step` holds the offsets along the surface to the neighbouring samples.
+    #[inline(never)]
+    pub(crate) fn textured<P: GeometryProbe + ?Sized>(
+        &self,
+        line: DRay,
+        hit: &Hit,
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        self.textured_at(&self.local(line, hit, None), hit, surface, step, probe)
+    }
+
+    /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
+    pub(crate) fn textured_facet<P: GeometryProbe + ?Sized>(
+        &self,
+        line: DRay,
+        (hit, facet): (&Hit, &MeshFacet),
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe)
+    }
+
+    fn textured_at<P: GeometryProbe + ?Sized>(
+        &self,
+        local: &Local,
+        hit: &Hit,
+        surface: &mut Surface,
+        step: Option<[DVec3; 2]>,
+        probe: &mut P,
+    ) -> MaterialPoint {
+        let material = self.material(hit);
+        let mut point = material.at(surface);
+        (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
+        let at = At::new(self, local, step);
+        let mut normal = local.surface.shading_normal;
+        // Displacement was applied when the world was built.
+        for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
+            let pattern = &self.textures[used.texture as usize];
+            let coords = used.mapping.coords(&at.place);
+            let (before, was) = (point, normal);
+            let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
+            let room = if probe.is_active() { &mut readings[..] } else { &mut [] };
+            let value = at.value(pattern, used, &coords, room);
+            match used.target {
+                Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
+                Target::Normal { strength, down } => {
+                    let s = f64::from(strength);
+                    let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
+                    let y = if down { -y } else { y };
+                    normal = apply_normal_map(
+                        normal,
+                        local.surface_differential.tangents(local.surface.normal),
+                        [x * s, y * s, z],
+                    );
+                }
+                _ => used.apply(value, &mut point),
+            }
+            if used.target.bends_normal() {
+                normal = clamp_to_hemisphere(normal, local.surface.normal);
+                point.normal_bent = true;
+            }
+            if probe.is_active() {
+                let outwards = |n: DVec3| local.to_world.as_ref().map_or(n, |t| t.normal(n).normalize());
+                probe.texture(&TextureRead {
+                    used,
+                    name: &self.shading.texture_names[used.texture as usize],
+                    readings: &readings[..coords.len()],
+                    value,
+                    before: &before,
+                    after: &point,
+                    normals: [was, normal].map(outwards),
+                });
+            }
+        }
+        material.finish(&mut point);
+        if point.normal_bent {
+            surface.shading_normal = match &local.to_world {
+                None => normal,
+                Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),
+            };
+        }
+        point
+    }
+
+    /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
+    #[inline(never)]
+    pub(crate) fn opacity_at(&self, line: DRay, hit: &Hit, step: Option<[DVec3; 2]>) -> f32 {
+        self.crossed_by(|| self.local(line, hit, None), hit, step).opacity_with_coverage()
+    }
+
+    /// The coverage at a hit of this line's ray, without a footprint.
+    pub(crate) fn coverage_at(&self, line: DRay, hit: &Hit) -> f32 {
+        self.crossed_by(|| self.local(line, hit, None), hit, None).coverage
+    }
+
+    /// The material of a facet as far as light that crosses the surface needs it, without a footprint.
+    pub(crate) fn crossed_facet(&self, line: DRay, hit: &Hit, facet: &MeshFacet) -> MaterialPoint {
+        self.crossed_by(|| self.local(line, hit, Some(facet)), hit, None)
+    }
+
+    /// The material at a hit as far as light that crosses the surface needs it.
+    #[inline(always)]
+    fn crossed_by(&self, local: impl FnOnce() -> Local, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
+        let material = self.material(hit);
+        let mut point = *material.plain();
+        if material.textures.is_empty() || material.is_opaque() {
+            return point;
+        }
+        let local = local();
+        let at = At::new(self, &local, step);
+        for used in material.textures.iter().filter(|used| used.target.may_transmit()) {
+            let pattern = &self.textures[used.texture as usize];
+            let value = at.value(pattern, used, &used.mapping.coords(&at.place), &mut []);
+            used.apply(value, &mut point);
+        }
+        point
+    }
+
+    fn local(&self, line: DRay, hit: &Hit, facet: Option<&MeshFacet>) -> Local {
+        let shape_hit = hit.shape_hit();
+        if hit.instance == Hit::UNBOUNDED {
+            let unbounded = &self.geometry.unbounded[hit.primitive as usize];
+            let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
+            let line = to_world.as_ref().map_or(line, |t| line.to_local(t));
+            let surface = shape.surface(line, &shape_hit);
+            let surface_differential = shape.surface_differential(&surface, &shape_hit);
+            return Local { surface, surface_differential, to_world, bounds: None, origin: unbounded.origin };
+        }
+        let (index, to_world) = self.with_instance(hit.instance, |instance| {
+            (instance.geometry, instance.placed(&self.geometry.chains, hit.time))
+        });
+        let geometry = &self.geometry.geometries[index as usize];
+        let local_line = to_world.as_ref().map_or(line, |t| line.to_local(t));
+        let (surface, surface_differential) = match facet {
+            Some(facet) => {
+                let [u, v] = hit.uv;
+                (facet.surface(&local_line, hit), facet.mesh.surface_differential(facet.triangle as usize, u, v))
+            }
+            None => {
+                let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
+                (surface, geometry.surface_differential(hit.primitive, &shape_hit, &surface))
+            }
+        };
+        Local {
+            surface,
+            surface_differential,
+            to_world,
+            bounds: geometry.object_bounds(hit.primitive),
+            origin: self.geometry.local_origins.get(&index).copied().unwrap_or_default(),
+        }
+    }
+}
+
+/// A hit as the input of texture mappings.
+struct At<'a> {
+    place: Place<'a>,
+    /// The steps to the neighbouring samples in the object's space; zero without a footprint.
+    steps: [DVec3; 2],
+}
+
+impl<'a> At<'a> {
+    fn new(world: &World, local: &'a Local, step: Option<[DVec3; 2]>) -> At<'a> {
+        debug_assert!(step.is_none() || world.shading.needs_differentials);
+        let steps = match (step, &local.to_world) {
+            (None, _) => [DVec3::ZERO; 2],
+            (Some(step), None) => step,
+            (Some(step), Some(t)) => step.map(|s| t.inverse().vector(s)),
+        };
+        let place = Place {
+            point: local.surface.exact,
+            normal: local.surface.normal,
+            uv: local.surface.uv.as_dvec2() + local.surface.uv_rest.as_dvec2(),
+            surface_differential: &local.surface_differential,
+            to_world: local.to_world.as_ref(),
+            bounds: local.bounds,
+            origins: [local.origin, world.geometry.origin],
+        };
+        At { place, steps }
+    }
+
+    fn lookup(&self, spot: &TexCoord) -> Lookup {
+        let [dx, dy] = self.steps.map(|step| if step == DVec3::ZERO { step } else { spot.change(step) });
+        Lookup { at: spot.at, dx, dy }
+    }
+
+    /// The weighted mean of the texture at `coords`. The readings are stored as far as `readings` has room.
+    fn value(
+        &self,
+        pattern: &PreparedTexture,
+        used: &TextureUse,
+        coords: &TexCoords,
+        readings: &mut [Reading],
+    ) -> [f32; 4] {
+        let one = |spot: &TexCoord, reading: Option<&mut Reading>| {
+            let lookup = self.lookup(spot);
+            if let Some(reading) = reading {
+                *reading = Reading { lookup, weight: spot.weight, footprint: pattern.footprint(&lookup) };
+            }
+            if used.target.takes_color() { pattern.color(&lookup) } else { pattern.eval(&lookup) }
+        };
+        if let [spot] = &coords[..] {
+            return one(spot, readings.first_mut());
+        }
+        // Colours are weighted by their alpha.
+        let by_alpha = used.target.takes_color();
+        let mut sum = [0.0; 4];
+        for (i, spot) in coords.iter().enumerate() {
+            let value = one(spot, readings.get_mut(i));
+            let weight = spot.weight as f32;
+            let share = if by_alpha { weight * value[3] } else { weight };
+            for (channel, sum) in sum.iter_mut().enumerate() {
+                *sum += value[channel] * if channel < 3 { share } else { weight };
+            }
+        }
+        if by_alpha && sum[3] > 0.0 {
+            let alpha = sum[3];
+            sum[..3].iter_mut().for_each(|c| *c /= alpha);
+        }
+        sum
+    }
+
+    /// The gradient of a texture's height, in the object's space. Differences are taken over the footprint, or over a
+    /// texel if that is larger. Between texels the slope would be that of the filter only.
+    fn slope(&self, pattern: &PreparedTexture, used: &TextureUse, coords: &TexCoords) -> DVec3 {
+        let spacing = pattern.spacing().unwrap_or([SMALLEST_STEP; 2]);
+        let spacing = [spacing[0], spacing[1], SMALLEST_STEP];
+        let mut slope = DVec3::ZERO;
+        for spot in coords.iter() {
+            let lookup = self.lookup(spot);
+            for (axis, gradient) in spot.gradients().into_iter().enumerate() {
+                if gradient == DVec3::ZERO {
+                    continue;
+                }
+                let reach = 0.5 * spacing[axis].max(lookup.dx[axis].abs() + lookup.dy[axis].abs());
+                let height = |side: f64| {
+                    let at = lookup.at + DVec3::AXES[axis] * (side * reach);
+                    f64::from(used.number(pattern.eval(&Lookup { at, ..lookup })))
+                };
+                let rise = (height(1.0) - height(-1.0)) / (2.0 * reach);
+                if rise.is_finite() {
+                    slope += gradient * (rise * spot.weight);
+                }
+            }
+        }
+        slope
+    }
+}
+
+/// The step for heights without texels or footprint, in the texture's own units.
+const SMALLEST_STEP: f64 = 1.0 / 1024.0;
