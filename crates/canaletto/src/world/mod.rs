@@ -19,10 +19,10 @@ pub(crate) use trace::contact::{Contact, touching};
 pub(crate) use trace::facets::Facet;
 pub use trace::geometry_probe::GeometryProbe;
 pub use trace::object_surface::{ObjectSurface, TooManyPrimitives};
+pub use trace::occlusion::{OccluderCache, Occlusion};
 pub(crate) use trace::placed::{MeshFacet, PlacedGeometry, Primitives};
 pub use trace::query::Hit;
 pub(crate) use trace::shadow::{MAX_STALLED, ShadowRays};
-pub use trace::shadow::{OccluderCache, Occlusion};
 pub use trace::textured::{Reading, TextureRead};
 
 use crate::light::PreparedLight;

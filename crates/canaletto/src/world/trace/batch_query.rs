@@ -6,9 +6,9 @@ use crate::world::World;
 use crate::world::data::geometry::Geometry;
 use crate::world::data::group::InstancePath;
 use crate::world::data::instance::{Instance, NONE};
-use crate::world::trace::bundle::{RayRange, Rays};
+use crate::world::trace::occlusion::{OccluderCache, Occlusion};
 use crate::world::trace::query::Hit;
-use crate::world::trace::shadow::{OccluderCache, Occlusion};
+use crate::world::trace::rays::{RayRange, Rays};
 use canaletto_bvh::{Aabb, PrimitiveHit, Ray};
 
 /// A query for the rays of a batch.

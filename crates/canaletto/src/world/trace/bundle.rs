@@ -9,15 +9,15 @@ use crate::shape::{SURFACES, Vec3x8, vec3};
 use crate::world::World;
 use crate::world::data::geometry::Geometry;
 use crate::world::data::instance::NONE;
-use crate::world::data::packet_bounds::{GROUP, PacketBounds};
+use crate::world::data::packet_bounds::GROUP;
 use crate::world::trace::batch_query::{BatchQuery, BatchRays, Blockers, NearestHits, Target};
-use crate::world::trace::bundle_tree::FilterLevel;
+use crate::world::trace::bundle_tree::InstanceBuffers;
+use crate::world::trace::occlusion::{OccluderCache, Occlusion};
 use crate::world::trace::query::Hit;
-use crate::world::trace::shadow::{OccluderCache, Occlusion};
+use crate::world::trace::rays::{RayRange, Rays, end, for_candidate_runs};
 use crate::world::trace::shape_list;
-use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
+use canaletto_bvh::{PrimitiveHit, Ray};
 use glam::Vec3;
-use std::ops::Range;
 
 /// The most instances that are each tested with all rays.
 pub(in crate::world) const MAX_LISTED: usize = 8;
@@ -51,110 +51,6 @@ pub struct RayBundle {
     /// The ends of the rays at one geometry.
     ends: Vec<f32>,
     buffers: InstanceBuffers,
-}
-
-/// Buffers for finding the rays of each instance.
-#[derive(Debug, Default)]
-pub(in crate::world) struct InstanceBuffers {
-    /// The rays in an instance's space.
-    pub(in crate::world) local: Rays,
-    packet_bounds: Vec<PacketBounds>,
-    /// Spare buffers for the traversal of one hierarchy.
-    pub(in crate::world) levels: Vec<FilterLevel>,
-}
-
-impl InstanceBuffers {
-    /// Finds the bounds of the groups of rays, if the world's instances are few.
-    fn bound_groups(&mut self, world: &World, rays: &[Ray], t_max: &[f32]) {
-        if world.is_small() {
-            PacketBounds::of_groups(&mut self.packet_bounds, rays, t_max);
-        }
-    }
-}
-
-/// Rays in one space.
-#[derive(Debug, Default)]
-pub(in crate::world) struct Rays {
-    pub(in crate::world) rays: Vec<Ray>,
-    /// Prepared rays of the range `ready`.
-    prepared: Vec<PreparedRay>,
-    /// The range of the rays in `prepared`.
-    ready: Range<usize>,
-}
-
-impl Rays {
-    pub(in crate::world) fn clear(&mut self) {
-        self.rays.clear();
-        self.ready = 0..0;
-    }
-
-    /// All these rays.
-    pub(in crate::world) fn all(&mut self) -> RayRange<'_> {
-        let range = 0..self.rays.len();
-        RayRange { all: self, range, packet_bounds: &[] }
-    }
-}
-
-/// A range of rays of a list.
-pub(in crate::world) struct RayRange<'a> {
-    all: &'a mut Rays,
-    range: Range<usize>,
-    /// The bounds of their groups in the rays' space; empty if unknown.
-    packet_bounds: &'a [PacketBounds],
-}
-
-impl RayRange<'_> {
-    #[inline]
-    pub(in crate::world) fn rays(&self) -> &[Ray] {
-        &self.all.rays[self.range.clone()]
-    }
-
-    fn prepare(&mut self) -> &[PreparedRay] {
-        let (Rays { rays, prepared, ready }, range) = (&mut *self.all, &self.range);
-        if range.start < ready.start || ready.end < range.end {
-            prepared.clear();
-            prepared.extend(rays[range.clone()].iter().map(Ray::prepare));
-            *ready = range.clone();
-        }
-        &prepared[range.start - ready.start..range.end - ready.start]
-    }
-
-    /// Calls [`for_candidate_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all
-    /// rays.
-    pub(in crate::world) fn for_candidate_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
-        match self.packet_bounds {
-            [] => f(0..self.range.len()),
-            packet_bounds => for_candidate_runs(packet_bounds, self.range.len(), bounds, f),
-        }
-    }
-}
-
-/// Calls `f` with each run of groups that may hit a box, as the range of their rays.
-fn for_candidate_runs(packet_bounds: &[PacketBounds], rays: usize, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
-    let mut start = None;
-    for (index, packet_bounds) in packet_bounds.iter().enumerate() {
-        match (packet_bounds.misses(bounds), start) {
-            (false, None) => start = Some(index * GROUP),
-            (true, Some(first)) => {
-                f(first..index * GROUP);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    if let Some(first) = start {
-        f(first..rays);
-    }
-}
-
-/// Sets `t_max` to −∞ for each ray that `blocked` reports blocked at or before it. `blocked` gets the ray's index.
-#[inline]
-pub(in crate::world) fn end<R>(rays: &[R], t_max: &mut [f32], mut blocked: impl FnMut(usize, &R, f32) -> bool) {
-    for (index, (ray, t_max)) in rays.iter().zip(t_max).enumerate() {
-        if *t_max > 0.0 && blocked(index, ray, *t_max) {
-            *t_max = f32::NEG_INFINITY;
-        }
-    }
 }
 
 impl RayBundle {

@@ -7,9 +7,10 @@
 use crate::world::World;
 use crate::world::data::group::{InstancePath, WideRay, t_in_group};
 use crate::world::data::instance::NONE;
+use crate::world::data::packet_bounds::PacketBounds;
 use crate::world::trace::batch_query::{BatchQuery, BatchRays, Target};
-use crate::world::trace::bundle::InstanceBuffers;
-use canaletto_bvh::{RayEnds, RayFilter};
+use crate::world::trace::rays::Rays;
+use canaletto_bvh::{Ray, RayEnds, RayFilter};
 
 /// The most rays that traverse a tree side by side, so that their bounds fit the nearer caches.
 const MAX_RAYS: usize = 1024;
@@ -31,6 +32,25 @@ impl FilterLevel {
         self.filter.clear();
         self.numbers.clear();
         self.t_scales.clear();
+    }
+}
+
+/// Buffers for finding the rays of each instance.
+#[derive(Debug, Default)]
+pub(in crate::world) struct InstanceBuffers {
+    /// The rays in an instance's space.
+    pub(in crate::world) local: Rays,
+    pub(in crate::world) packet_bounds: Vec<PacketBounds>,
+    /// Spare buffers for the traversal of one hierarchy.
+    pub(in crate::world) levels: Vec<FilterLevel>,
+}
+
+impl InstanceBuffers {
+    /// Finds the bounds of the groups of rays, if the world's instances are few.
+    pub(in crate::world) fn bound_groups(&mut self, world: &World, rays: &[Ray], t_max: &[f32]) {
+        if world.is_small() {
+            PacketBounds::of_groups(&mut self.packet_bounds, rays, t_max);
+        }
     }
 }
 

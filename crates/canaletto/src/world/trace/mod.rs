@@ -10,8 +10,10 @@ pub(in crate::world) mod facets;
 pub(in crate::world) mod flat_objects;
 pub(in crate::world) mod geometry_probe;
 pub(in crate::world) mod object_surface;
+pub(in crate::world) mod occlusion;
 pub(in crate::world) mod placed;
 pub(in crate::world) mod query;
+pub(in crate::world) mod rays;
 pub(in crate::world) mod shadow;
 #[cfg(test)]
 mod shadow_tests;

@@ -8,54 +8,13 @@ use crate::world::data::group::InstancePath;
 use crate::world::data::instance::{Instance, NONE, Unbounded};
 use crate::world::trace::bundle::RayBundle;
 use crate::world::trace::contact::{Contact, touching};
+use crate::world::trace::occlusion::{OccluderCache, Occlusion};
 use crate::world::trace::query::Hit;
 use canaletto_bvh::{PreparedRay, Ray};
 use glam::Vec3;
 
-/// The last opaque occluder of a light. It is a hint and changes no result.
-#[derive(Clone, Copy, Debug)]
-pub struct OccluderCache {
-    instance: u32,
-    /// The slot of the primitive, in leaf order.
-    slot: u32,
-}
-
-impl OccluderCache {
-    /// No occluder.
-    pub const NONE: OccluderCache = OccluderCache { instance: NONE, slot: NONE };
-
-    /// The cached slot if it belongs to this instance. Otherwise the cache becomes empty and belongs to this instance.
-    pub(in crate::world) fn slot_in(&mut self, instance: u32) -> &mut u32 {
-        if self.instance != instance {
-            *self = OccluderCache { instance, slot: NONE };
-        }
-        &mut self.slot
-    }
-}
-
 /// The most surfaces in a row that may bring a ray no further. After more, the ray counts as stuck.
 pub(crate) const MAX_STALLED: u32 = 4;
-
-/// What lies between a ray's origin and its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Occlusion {
-    /// No surface.
-    Nothing,
-    /// At least one surface that lets light through, and nothing opaque.
-    Clear,
-    /// At least one opaque surface.
-    Opaque,
-}
-
-impl Occlusion {
-    fn of(blocked: bool, clear: bool) -> Occlusion {
-        match (blocked, clear) {
-            (true, _) => Occlusion::Opaque,
-            (false, true) => Occlusion::Clear,
-            (false, false) => Occlusion::Nothing,
-        }
-    }
-}
 
 /// A shadow ray that crosses clear surfaces.
 #[derive(Debug)]

@@ -6,7 +6,7 @@
 use crate::shape::{CUBOID_RAYS, Shape, ShapeHit, Sphere, set_bits};
 use crate::world::data::geometry::{confined, on_shape};
 use crate::world::data::packet_bounds::GROUP;
-use crate::world::trace::bundle::{RayRange, end};
+use crate::world::trace::rays::{RayRange, end};
 use canaletto_bvh::{PrimitiveHit, Ray, sphere};
 use std::ops::Range;
 
