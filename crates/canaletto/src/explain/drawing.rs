@@ -80,8 +80,8 @@ impl DrawnRay {
         }
     }
 
-    /// The rays of a path, in which every ray has one below it. A ray's colour is the light that the path finds from its
-    /// end on, divided by its throughput. None for a path without rays.
+    /// The rays of a path, in which every ray has one below it. A ray's colour is the light that the path finds from
+    /// its end on, divided by its throughput. None for a path without rays.
     pub(super) fn of_path(sample: &PathSample, levels: Option<u32>) -> Option<DrawnRay> {
         let levels = levels.map_or(MOST_RAYS, |levels| levels as usize).min(sample.rays.len());
         let (mut below, mut found, mut throughput) = (None, Rgb::BLACK, Rgb::WHITE);

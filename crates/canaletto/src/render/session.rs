@@ -165,7 +165,7 @@ impl<'w> Session<'w> {
 
     /// Makes tiles of weighted means.
     fn weighted_pass(&mut self, tiles: Range<usize>, queue: &TaskQueue, observer: &dyn Observer) -> ControlFlow<()> {
-        let Session { made, prepared, film, picture, .. } = self;
+        let Session { made, prepared, picture, .. } = &*self;
         let ([left, top, ..], areas) = (made.window(), made.tiles());
         let cancelled = |_| queue.is_stopped();
         let finished: Vec<Mutex<bool>> = tiles.clone().map(|_| Mutex::default()).collect();
@@ -186,7 +186,7 @@ impl<'w> Session<'w> {
             observer.progress(&progress);
             ControlFlow::Continue(())
         });
-        if let FilmState::Weighted { is_done } = film {
+        if let FilmState::Weighted { is_done } = &mut self.film {
             for (is_done, finished) in is_done[tiles].iter_mut().zip(finished) {
                 *is_done |= finished.into_inner().unwrap_or_else(PoisonError::into_inner);
             }
@@ -301,7 +301,7 @@ impl<'w> Session<'w> {
     /// # Errors
     /// As [`Session::pass`].
     pub fn render(self, observer: &dyn Observer) -> Result<Rendering, JobError> {
-        Ok(with_stack(stack_of(self.made.world(), &self.made), || self.run(observer))??)
+        with_stack(stack_of(self.made.world(), &self.made), || self.run(observer))?
     }
 
     fn run(mut self, observer: &dyn Observer) -> Result<Rendering, JobError> {
