@@ -32,8 +32,8 @@ const MOST_LETTERS: usize = 17;
 
 impl PixelTree {
     /// The tree of the sample that [`PixelTree::text`] chooses as SVG. `levels` is the number of rows; none stands for
-    /// as many as are easy to look at. Beside it stands the scene from outside, if a view of
-    /// [`Explainer::outside`](super::Explainer::outside) is given with the address of its picture, such as a data URL.
+    /// as many as are easy to look at. Beside it stands the scene from outside, if a view of [`PixelTree::outside`] is
+    /// given with the address of its picture, such as a data URL.
     pub fn svg(&self, levels: Option<u32>, outside: Option<(&OutsideView, &str)>) -> String {
         let [x, y] = self.pixel;
         let (index, count) = (self.nearest_to_mean(), self.samples.len());
