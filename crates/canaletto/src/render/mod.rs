@@ -116,6 +116,8 @@ fn render_given(
     start: Option<&SampleBlocks>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
+    // A depth beyond all bounds would ask for a stack beyond all memory.
+    job.check()?;
     let preparation = Preparation { solution, ..Preparation::default() };
     with_stack(stack_of(world, job), || {
         let ControlFlow::Continue(mut session) = Session::new(world, job, preparation, observer)? else {
