@@ -66,7 +66,7 @@ pub struct Rendering {
 /// # Errors
 /// [`JobError`] if [`Job::check`] finds an error, or if required threads can't be started. Nothing after that can fail.
 pub fn render(world: &World, job: &Job, observer: &dyn Observer) -> Result<Rendering, JobError> {
-    render_given(world, job, None, None, observer)
+    render_from(world, job, Preparation::default(), None, observer)
 }
 
 /// Renders a picture of a radiosity solution that is already found, as [`render`] does. With the solution of this world
@@ -83,8 +83,8 @@ pub fn render_with_solution(
     solution: &Arc<RadiositySolution>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
-    solution.check(world, job)?;
-    render_given(world, job, Some(solution), None, observer)
+    let preparation = Preparation { solution: Some(solution), ..Preparation::default() };
+    render_from(world, job, preparation, None, observer)
 }
 
 /// Goes on with the samples of a picture, up to the number that the job's film says. If they are the job's own, the
@@ -103,22 +103,27 @@ pub fn render_on(
     start: &SampleBlocks,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
-    job.check()?;
-    check_samples(job, start, true)?;
-    render_given(world, job, None, Some(start), observer)
+    render_from(world, job, Preparation::default(), Some(start), observer)
 }
 
-/// Renders a picture. If its solution of radiosity is given, it isn't solved. If it has samples, they are gone on with.
-fn render_given(
+/// Renders a picture from what is there already: a solution of radiosity, which isn't solved then, and samples, which
+/// are gone on with.
+///
+/// # Panics
+/// As [`render`].
+///
+/// # Errors
+/// [`JobError`] as from [`render_with_solution`] and [`render_on`].
+pub fn render_from(
     world: &World,
     job: &Job,
-    solution: Option<&Arc<RadiositySolution>>,
+    preparation: Preparation<'_>,
     start: Option<&SampleBlocks>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
     // A depth beyond all bounds would ask for a stack beyond all memory.
     job.check()?;
-    let preparation = Preparation { solution, ..Preparation::default() };
+    start.map_or(Ok(()), |start| check_samples(job, start, true))?;
     with_stack(stack_of(world, job), || {
         let ControlFlow::Continue(mut session) = Session::new(world, job, preparation, observer)? else {
             return Ok(Rendering::unfinished(world, job));

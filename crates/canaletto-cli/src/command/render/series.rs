@@ -26,13 +26,12 @@ use crate::terminal::Paint;
 use crate::told_developing::METERED_EXPOSURE;
 use canaletto::film::{SampleBlocks, metered_exposure};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
-use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, Session};
+use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, render_from};
 use canaletto::scene::{Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
 use std::collections::HashSet;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -528,7 +527,8 @@ impl<'a> Series<'a> {
                 JobError::Start(_) => Failure::new(Exit::Scene, format!("--continue: {e}")),
                 _ => Failure::new(Exit::Scene, format!("{name}: {e}")),
             };
-            rendering_of_session(world, job, solution, start, observer).map_err(failed)
+            let preparation = Preparation { solution, ..Preparation::default() };
+            render_from(world, job, preparation, start, observer).map_err(failed)
         };
         let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
             return Ok((of_session(None)?, None));
@@ -666,22 +666,6 @@ impl<'a> Series<'a> {
         });
         Ok(Exit::Interrupted)
     }
-}
-
-/// Makes a picture with a solution and samples that are already there.
-fn rendering_of_session(
-    world: &World,
-    job: &Job,
-    solution: Option<&Arc<RadiositySolution>>,
-    start: Option<&SampleBlocks>,
-    observer: &dyn Observer,
-) -> Result<Rendering, JobError> {
-    let preparation = Preparation { solution, ..Preparation::default() };
-    let ControlFlow::Continue(mut session) = Session::new(world, job, preparation, observer)? else {
-        return Ok(Rendering::unfinished(world, job));
-    };
-    start.map_or(Ok(()), |start| session.merge(start))?;
-    session.render(observer)
 }
 
 /// The rendered share of a picture in percent.
