@@ -254,3 +254,31 @@ fn what_cannot_grow_says_what_to_set() {
         }
     }
 }
+
+/// Prints what an explanation in an open session takes beside its preparation. Run it by hand, with `--nocapture`.
+#[test]
+#[ignore = "prints times"]
+fn explanations_take_no_preparation() {
+    for (scene, integrator) in [
+        ("cornell-box.kdl", PathSettings { guiding: Guiding::On, ..PathSettings::DEFAULT }.into()),
+        ("gallery-room.kdl", RadiositySettings::DEFAULT.into()),
+    ] {
+        let integrator: Integrator = integrator;
+        let folder = canaletto_tests::root().join("scenes").join(scene);
+        let (assets, name) = canaletto_io::assets::FolderAssets::beside(&folder).unwrap();
+        let described = read_scene(&name, &assets).unwrap().0;
+        let job = Job { progressive: false, ..job(&described, integrator, 16) };
+        let world = World::build(described).unwrap();
+        let begun = std::time::Instant::now();
+        let session = Session::open(&world, &job, Preparation { keeps_links: true, ..Preparation::default() }).unwrap();
+        let prepared = begun.elapsed();
+        let explainer = Explainer::new(&session);
+        let begun = std::time::Instant::now();
+        let [x, y] = job.camera.size().map(|side| side / 2);
+        match job.description().traces_paths() {
+            true => drop(explainer.paths(x, y).unwrap()),
+            false => drop(explainer.pixel(x, y).unwrap()),
+        }
+        println!("{scene}: prepared in {prepared:?}, a pixel explained in {:?}", begun.elapsed());
+    }
+}
