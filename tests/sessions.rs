@@ -5,7 +5,7 @@ use canaletto::film::SampleBlocks;
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::math::Rgb;
 use canaletto::render::{
-    Aov, FinishedTile, Job, JobError, Observer, Preparation, Rendering, Session, render, render_on,
+    Aov, FinishedTile, Job, JobError, Observer, Preparation, Progress, Rendering, Session, render, render_on,
 };
 use canaletto::scene::{
     Filter, Guiding, Integrator, PathSettings, RadiositySettings, SamplerKind, Sampling, Scene, Shading,
@@ -201,6 +201,34 @@ fn observers_get_all_finished_tiles() {
         let seen = tiles.0.into_inner().unwrap();
         assert_eq!(seen.len(), 19 * 15);
         assert!(seen.iter().all(|([x, y], color)| *color == picture.pixel(x - 3, y - 2)));
+    }
+}
+
+/// Keeps the largest number of finished pixels, and the number of all.
+#[derive(Default)]
+struct Finished(Mutex<[u64; 2]>);
+
+impl Observer for Finished {
+    fn progress(&self, progress: &Progress) {
+        let mut most = self.0.lock().unwrap();
+        *most = [most[0].max(progress.pixels_done), progress.pixels];
+    }
+}
+
+#[test]
+fn passes_of_a_session_progress_to_all_pixels() {
+    let scene = scene();
+    let world = World::build(scene.clone()).unwrap();
+    for progressive in [true, false] {
+        let job = Job { progressive, ..job(&scene, WhittedSettings::DEFAULT.into(), 4) };
+        let mut session = Session::open(&world, &job, Preparation::default()).unwrap();
+        let finished = Finished::default();
+        if progressive {
+            assert!(session.pass(2, session.tiles(), &finished).unwrap().is_continue());
+            assert_eq!(*finished.0.lock().unwrap(), [26 * 20 / 2, 26 * 20]);
+        }
+        assert!(session.pass(4, session.tiles(), &finished).unwrap().is_continue());
+        assert_eq!(*finished.0.lock().unwrap(), [26 * 20; 2]);
     }
 }
 

@@ -109,12 +109,13 @@ impl<'w> Session<'w> {
             FilmState::Weighted { is_done: vec![false; tiles.count()] }
         };
         let [_, _, width, height] = made.window();
+        let samples = if made.is_progressive() { made.sample_count().into() } else { 1 };
         let picture = PictureState {
             picture: Rendering::unfinished(made.world(), &made).picture,
             counts: prepared.preparation_counts(),
             noise: made.noise.map(|limit| NoiseEstimate::new([width, height], limit)),
             done: 0,
-            planned: 0,
+            planned: u64::from(width) * u64::from(height) * samples,
         };
         Session { job, made, prepared, film, picture: Mutex::new(picture) }
     }
@@ -140,7 +141,8 @@ impl<'w> Session<'w> {
     }
 
     /// Makes some tiles. In a progressive picture the pixels that need more samples get them up to number `end`, which
-    /// isn't included. Other pictures get all their samples at once, and `end` means nothing.
+    /// isn't included. Other pictures get all their samples at once, and `end` means nothing. [`Session::render`] alone
+    /// judges the noise between passes.
     ///
     /// Breaks if the observer cancelled. A progressive picture keeps the whole blocks of samples that were made; of
     /// another one the finished tiles stay.
@@ -305,22 +307,19 @@ impl<'w> Session<'w> {
     }
 
     fn run(mut self, observer: &dyn Observer) -> Result<Rendering, JobError> {
-        let [_, _, width, height] = self.made.window();
-        let (pixels, tiles) = (u64::from(width) * u64::from(height), self.tiles());
-        let is_complete = if matches!(self.film, FilmState::Weighted { .. }) {
-            self.state().planned = pixels;
-            self.pass(0, tiles, observer)?.is_continue()
-        } else {
-            self.run_passes(pixels, observer)?.is_continue()
+        let ended = match &self.film {
+            FilmState::Weighted { .. } => self.pass(0, self.tiles(), observer)?,
+            FilmState::Blocks(_) => self.run_passes(observer)?,
         };
-        Ok(self.finish(is_complete, observer))
+        Ok(self.finish(ended.is_continue(), observer))
     }
 
     /// Makes passes until all pixels have their samples, or little enough noise, or the observer ends them.
-    fn run_passes(&mut self, pixels: u64, observer: &dyn Observer) -> Result<ControlFlow<()>, JobError> {
+    fn run_passes(&mut self, observer: &dyn Observer) -> Result<ControlFlow<()>, JobError> {
         let from = self.fewest_samples();
         let end = self.made.sample_count().max(from);
-        self.state().planned = pixels * u64::from(end - from);
+        let state = self.state();
+        state.planned = state.picture.pixels.len() as u64 * u64::from(end - from);
         let (mut count, mut needed) = (from, self.judge(from, end));
         // A picture that has enough samples already may need layers.
         let mut needs_pass = needed > 0 || !layers_of_first_sample(&self.made).is_empty() || self.made.has_alpha();
