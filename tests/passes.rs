@@ -181,7 +181,7 @@ fn what_only_passes_have_is_refused_elsewhere() {
     refused(&|job| (job.noise, job.film.filter) = (Some(0.1), Filter::Mitchell), ["noise", "mitchell"]);
     refused(&|job| (job.clamp, job.film.sampler) = (Some(1.0), SamplerKind::Jittered), ["clamp", "jittered"]);
     refused(&|job| (job.first_sample, job.film.sampling) = (4, Sampling::Regular(2)), ["first-sample", "--pattern"]);
-    refused(&|job| (job.integrator, job.noise) = (Default::default(), Some(0.1)), ["noise", "path"]);
+    refused(&|job| (job.integrator, job.noise) = (Default::default(), Some(0.1)), ["noise", "progressive"]);
 }
 
 #[test]
