@@ -128,7 +128,8 @@ fn pictures_that_go_on_have_the_bytes_of_one_render() {
     }
 }
 
-/// The mean of a growing picture is the one of a picture of as many rays at places that are chosen together.
+/// The mean of a growing picture is the one of a picture of as many rays at places that are chosen together. A z-buffer
+/// then has a grid, whose edges are steps of a sixteenth of a pixel.
 #[test]
 fn growing_pictures_show_the_same_light() {
     let scene = scene();
@@ -142,7 +143,7 @@ fn growing_pictures_show_the_same_light() {
         }
         let sum = |pixels: &[Rgb]| pixels.iter().map(|p| f64::from(p.r + p.g + p.b)).sum::<f64>();
         let ratio = sum(&growing.pixels) / sum(&usual.pixels);
-        assert!((ratio - 1.0).abs() < 3e-3, "{name}: {ratio}");
+        assert!((ratio - 1.0).abs() < if name == "whitted" { 3e-3 } else { 1e-2 }, "{name}: {ratio}");
     }
 }
 
