@@ -165,7 +165,7 @@ impl Aov {
         matches!(self, Aov::ObjectId | Aov::MaterialId | Aov::ElementId)
     }
 
-    /// The rule by which the layer's values accumulate over passes.
+    /// The rule by which the layer's values accumulate where a pixel has several.
     pub(crate) fn accumulation(self) -> Accumulation {
         match self {
             Aov::Depth

@@ -11,6 +11,7 @@ use crate::scene::SamplerKind;
 use crate::world::World;
 use canaletto_bvh::with_stack;
 use std::ops::{ControlFlow, Range};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// A job in its world with what its integrator prepared and the picture so far. Pictures, passes, parts of pictures and
@@ -47,7 +48,7 @@ enum FilmState {
     /// The picture holds weighted means: each tile is made at once.
     Weighted {
         /// Whether each tile is made.
-        is_done: Vec<bool>,
+        is_done: Vec<AtomicBool>,
     },
     /// Blocks of samples, which grow.
     Blocks(Vec<Mutex<SampleTile>>),
@@ -106,7 +107,7 @@ impl<'w> Session<'w> {
             let tile = |number| Mutex::new(SampleTile::new(&made, tiles.area(number)));
             FilmState::Blocks((0..tiles.count()).map(tile).collect())
         } else {
-            FilmState::Weighted { is_done: vec![false; tiles.count()] }
+            FilmState::Weighted { is_done: (0..tiles.count()).map(|_| AtomicBool::new(false)).collect() }
         };
         let [_, _, width, height] = made.window();
         let samples = if made.is_progressive() { made.sample_count().into() } else { 1 };
@@ -160,20 +161,25 @@ impl<'w> Session<'w> {
     ) -> Result<ControlFlow<()>, JobError> {
         let queue = TaskQueue::new(observer);
         Ok(with_stack(stack_of(self.made.world(), &self.made), || match &self.film {
-            FilmState::Weighted { .. } => self.weighted_pass(tiles, &queue, observer),
+            FilmState::Weighted { is_done } => self.weighted_pass(is_done, tiles, &queue, observer),
             FilmState::Blocks(sample_tiles) => self.block_pass(sample_tiles, end, tiles, &queue, observer),
         })?)
     }
 
     /// Makes tiles of weighted means.
-    fn weighted_pass(&mut self, tiles: Range<usize>, queue: &TaskQueue, observer: &dyn Observer) -> ControlFlow<()> {
-        let Session { made, prepared, picture, .. } = &*self;
+    fn weighted_pass(
+        &self,
+        is_done: &[AtomicBool],
+        tiles: Range<usize>,
+        queue: &TaskQueue,
+        observer: &dyn Observer,
+    ) -> ControlFlow<()> {
+        let Session { made, prepared, picture, .. } = self;
         let ([left, top, ..], areas) = (made.window(), made.tiles());
         let cancelled = |_| queue.is_stopped();
-        let finished: Vec<Mutex<bool>> = tiles.clone().map(|_| Mutex::default()).collect();
         let rules = || made.aovs.iter().map(|aov| (aov.channels().len(), aov.accumulation()));
         let new_worker = || (prepared.worker(&cancelled), TileBuffer::new([0; 4], rules()));
-        let ended = queue.run(tiles.clone(), new_worker, |(worker, buffer), number| {
+        queue.run(tiles, new_worker, |(worker, buffer), number| {
             let area = areas.area(number);
             buffer.reset(area);
             worker.tile(buffer)?;
@@ -184,16 +190,10 @@ impl<'w> Session<'w> {
             let progress = Progress { pixels_done: state.done, pixels: state.planned, rays: state.counts.rays.total() };
             observer.tile_finished(&FinishedTile::of(&state.picture, [left, top], area));
             drop(state);
-            *finished[number - tiles.start].lock().unwrap_or_else(PoisonError::into_inner) = true;
+            is_done[number].store(true, Ordering::Relaxed);
             observer.progress(&progress);
             ControlFlow::Continue(())
-        });
-        if let FilmState::Weighted { is_done } = &mut self.film {
-            for (is_done, finished) in is_done[tiles].iter_mut().zip(finished) {
-                *is_done |= finished.into_inner().unwrap_or_else(PoisonError::into_inner);
-            }
-        }
-        ended
+        })
     }
 
     /// Adds samples to the pixels of tiles.
@@ -400,7 +400,10 @@ impl<'w> Session<'w> {
         }
         let pixels_done = match (&self.film, &samples) {
             (FilmState::Weighted { is_done }, _) => {
-                let done = self.tiles().filter(|tile| is_done[*tile]).map(|tile| self.made.tiles().area(tile));
+                let done = self
+                    .tiles()
+                    .filter(|tile| is_done[*tile].load(Ordering::Relaxed))
+                    .map(|tile| self.made.tiles().area(tile));
                 done.map(|[_, _, width, height]| u64::from(width) * u64::from(height)).sum()
             }
             (_, Some(samples)) => samples.counts().iter().filter(|count| **count > 0).count() as u64,

@@ -38,10 +38,16 @@ pub enum BuildError {
     TooManyCopies(String),
     /// There are more light points and shining triangles than [`World::MAX_LIGHT_POINTS`], counted once for each copy
     /// of a light.
-    #[error("the scene expands to more than {max} points of light and triangles that shine", max = World::MAX_LIGHT_POINTS)]
+    #[error(
+        "the scene expands to more than {max} points of light and triangles that shine",
+        max = World::MAX_LIGHT_POINTS
+    )]
     TooManyLights,
     /// There are more moving instances than [`World::MAX_MOVING`].
-    #[error("the scene expands to more than {max} objects that move while the shutter is open", max = World::MAX_MOVING)]
+    #[error(
+        "the scene expands to more than {max} objects that move while the shutter is open",
+        max = World::MAX_MOVING
+    )]
     TooManyMoving,
     /// There are more shapes without bounds than [`World::MAX_UNBOUNDED`]. Every ray is tested with each of them.
     #[error("the scene expands to more than {max} planes", max = World::MAX_UNBOUNDED)]

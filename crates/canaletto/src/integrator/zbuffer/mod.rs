@@ -12,9 +12,9 @@ mod cut_away;
 mod description;
 mod explain;
 mod omissions;
+mod samples;
 mod shadow_map;
 
-use super::camera_rays::progressive_spacing;
 use super::prepared::{RayWatcher, TileBlock};
 use super::shading::Fragment;
 use super::visible_hit::background;
@@ -22,7 +22,7 @@ use super::whitted::Whitted;
 use super::{Cancelled, Counts, FirstHit, IntegratorWorker, PreparedIntegrator, Probe};
 use crate::camera::Camera;
 use crate::film::{TileBuffer, WeightedSum};
-use crate::job::{Aov, Job, JobError, Observer, PlacedJob};
+use crate::job::{Aov, JobError, Observer, PlacedJob};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::raster::coverage::{self, NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use crate::raster::depth_range::{DepthRange, view_bounds};
@@ -33,12 +33,14 @@ use crate::raster::triangle_hits::TriangleHits;
 use crate::raster::unshaded_view::refined_depth;
 use crate::raster::visible_triangle::{FacetCache, VisibleTriangle};
 use crate::sampler::{FrameSampler, Sample};
-use crate::scene::{Sampling, Shading, ShadowMethod, ZbufferSettings};
+use crate::scene::{Shading, ShadowMethod, ZbufferSettings};
 use crate::world::{Hit, World};
 use explain::ExplainedTile;
 pub use explain::{RasterNode, RasterRival, RasterTriangle, RivalFate};
 use glam::DVec3;
 use omissions::omissions;
+pub(crate) use samples::sample_spacing;
+use samples::{DrawnSamples, draws_sample_by_sample, grid_side, sites};
 use shadow_map::ShadowMaps;
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicUsize;
@@ -159,43 +161,6 @@ impl<'w> Zbuffer<'w> {
     }
 }
 
-/// The places of a pixel's samples, and whether each is shaded by itself. Those of a progressive picture are chosen one
-/// by one from the whole pixel.
-fn sites(job: &Job, settings: &ZbufferSettings) -> (Sites, bool) {
-    if draws_sample_by_sample(job) {
-        return (Sites::new([[0.0; 2], [1.0; 2]]), true);
-    }
-    match grid_side(job.film.sampling) {
-        Some(n) => {
-            let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-            (Sites::new((0..n).flat_map(move |y| (0..n).map(move |x| [at(x), at(y)]))), true)
-        }
-        None if job.film.sampling == Sampling::Corner => (Sites::pattern(settings.multisampling, [0.0; 2]), false),
-        None => (Sites::pattern(settings.multisampling, [0.5; 2]), false),
-    }
-}
-
-/// Whether the picture is drawn once for each sample: it is the mean of pictures whose samples have equal places in all
-/// pixels (Haeberli & Akeley, *The Accumulation Buffer*, 1990).
-fn draws_sample_by_sample(job: &Job) -> bool {
-    job.is_progressive() && job.sample_count() > 1
-}
-
-/// The distance in pixels between samples that a z-buffer shades, for the footprints of textures.
-pub(crate) fn sample_spacing(job: &Job) -> f64 {
-    grid_side(job.film.sampling).map_or(1.0, |n| 1.0 / f64::from(n))
-}
-
-/// The side of the grid of samples in a pixel, unless it has a single place.
-fn grid_side(sampling: Sampling) -> Option<u32> {
-    match sampling {
-        Sampling::Corner | Sampling::Center | Sampling::Sampled(1) => None,
-        Sampling::Regular(n) | Sampling::Jittered(n) | Sampling::Adaptive { n, .. } => Some(n),
-        // The grid with at least as many samples, of at most as many as other patterns have.
-        Sampling::Sampled(n) => Some((f64::from(n).sqrt().ceil() as u32).min(Sampling::MAX_GRID)),
-    }
-}
-
 impl PreparedIntegrator for Zbuffer<'_> {
     fn preparation_counts(&self) -> Counts {
         let others = vec![
@@ -228,29 +193,6 @@ impl Zbuffer<'_> {
             Some(maps) => whitted.with_shadows_by(maps),
             None => whitted,
         }
-    }
-}
-
-/// The samples of all pixels that are drawn together.
-#[derive(Clone)]
-struct DrawnSamples {
-    sites: Sites,
-    /// The number of the sample whose random numbers fragments have, and the number of all.
-    index: u32,
-    count: u32,
-    /// The distance between samples in pixels, for the footprints of textures.
-    spacing: f64,
-}
-
-impl DrawnSamples {
-    /// All samples, or sample number `index` of a picture that is drawn once for each.
-    fn of(zbuffer: &Zbuffer, index: u32) -> DrawnSamples {
-        let (job, count) = (&zbuffer.job, zbuffer.job.sample_count());
-        if !draws_sample_by_sample(job) {
-            return DrawnSamples { sites: zbuffer.sites.clone(), index: 0, count: 1, spacing: sample_spacing(job) };
-        }
-        let place = zbuffer.sampler.pixel([0; 2]).sample(index, count).film();
-        DrawnSamples { sites: Sites::new([place]), index, count, spacing: progressive_spacing(count, index) }
     }
 }
 
