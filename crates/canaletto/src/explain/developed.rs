@@ -1,6 +1,6 @@
 //! The way of a pixel's colour from linear light to the bytes of a file.
 
-use super::text_writer::TextWriter;
+use super::term::{Line, line, of_ray};
 use crate::Named;
 use crate::film::{Agx, Developer, PbrNeutral, Picture, unpremultiplied};
 use crate::math::Rgb;
@@ -111,57 +111,62 @@ impl DevelopedNode {
         }
     }
 
-    pub(super) fn write(&self, w: &mut TextWriter, linear: Rgb) {
-        let DevelopedNode { alpha, exposure, tone, transfer, values } = self;
-        let mut linear = linear;
-        if let (Some(alpha), Some(straight)) = (alpha, values.and_then(|values| values.straight)) {
-            writeln!(w, "alpha, the share of the background that is hidden: {}", w.number(*alpha));
-            writeln!(w, "colour divided by alpha: {}", w.rgb(straight));
-            linear = straight;
-        }
-        if let (Some(stops), Some(values)) = (exposure.filter(|stops| *stops != 0.0), values) {
-            let (stops, factor) = (w.number(stops), w.number(libm::exp2f(stops)));
-            writeln!(w, "exposure of {stops} stops, times {factor}: {}", w.rgb(values.exposed));
-        }
+    /// The way of the pixel's colour, with its terms.
+    pub(super) fn lines<'t>(&self, color: Rgb) -> Vec<Line<'t>> {
+        let DevelopedNode { alpha, exposure, tone, transfer, values } = *self;
+        let settings = line!("{alpha}{exposure}{tone}{transfer}", alpha, exposure, tone, transfer).written_if(false);
+        let mut lines = vec![line!("{colour of the pixel}", of_ray(color)).written_if(false), settings];
         let Some(values) = values else {
             let [what, why] = self.unknown().unwrap_or_default();
-            writeln!(w, "{what} {why}");
-            return;
+            lines.push(line!("{} {}", what, why));
+            return lines;
         };
-        match &values.curve {
-            Some(ToneCurve::Agx(agx)) => {
-                writeln!(w, "tone \"agx\", after the inset matrix: {}", w.rgb(agx.inset));
-                writeln!(w, "  log2, from -12.47393 (0) to 4.026069 (1): {}", w.rgb(agx.logarithm));
-                writeln!(w, "  curve of contrast: {}", w.rgb(agx.curve));
-                writeln!(w, "  after the outset matrix: {}", w.rgb(agx.outset));
-                writeln!(w, "  to the power of 2.2: {}", w.rgb(agx.linear));
-            }
+        let mut linear = color;
+        if let (Some(alpha), Some(straight)) = (alpha, values.straight) {
+            lines.push(line!("alpha, the share of the background that is hidden: {}", alpha));
+            lines.push(line!("colour divided by alpha: {}", straight));
+            linear = straight;
+        }
+        if let Some(stops) = exposure.filter(|stops| *stops != 0.0) {
+            let (factor, exposed) = (libm::exp2f(stops), of_ray(values.exposed));
+            lines.push(line!("exposure of {} stops, times {}: {exposed colour}", stops, factor, exposed));
+        }
+        match values.curve {
+            Some(ToneCurve::Agx(agx)) => lines.extend([
+                line!("tone \"agx\", after the inset matrix: {}", agx.inset),
+                line!("  log2, from -12.47393 (0) to 4.026069 (1): {}", agx.logarithm),
+                line!("  curve of contrast: {}", agx.curve),
+                line!("  after the outset matrix: {}", agx.outset),
+                line!("  to the power of 2.2: {}", agx.linear),
+            ]),
             Some(ToneCurve::PbrNeutral(neutral)) => {
-                let PbrNeutral { offset, peak, compressed_peak, white, linear } = *neutral;
-                let [offset, peak_, compressed, share] = [offset, peak, compressed_peak, white].map(|v| w.number(v));
-                writeln!(w, "tone \"pbr-neutral\", {offset} subtracted: the largest component is {peak_}");
-                if compressed_peak != peak {
-                    writeln!(w, "  compressed to {compressed}, with a share of {share} of white");
-                }
-                writeln!(w, "  result: {}", w.rgb(linear));
+                let PbrNeutral { offset, peak, compressed_peak, white, linear } = neutral;
+                let words = line!("tone \"pbr-neutral\", {} subtracted: the largest component is {}", offset, peak);
+                let compressed = line!("  compressed to {}, with a share of {} of white", compressed_peak, white);
+                lines.extend([words, compressed.written_if(compressed_peak != peak), line!("  result: {}", linear)]);
             }
             None => {}
         }
-        let before = match &values.curve {
+        let before = match values.curve {
             Some(ToneCurve::Agx(agx)) => agx.linear,
             Some(ToneCurve::PbrNeutral(neutral)) => neutral.linear,
-            None if *exposure == Some(0.0) => linear,
+            None if exposure == Some(0.0) => linear,
             None => values.exposed,
         };
-        let changed = if values.toned == before { "" } else { ", each component between 0 and 1" };
-        if values.curve.is_none() {
-            writeln!(w, "tone \"{tone}\"{changed}: {}", w.rgb(values.toned));
-        } else if !changed.is_empty() {
-            writeln!(w, "  between 0 and 1: {}", w.rgb(values.toned));
-        }
-        writeln!(w, "transfer \"{transfer}\": {}", w.rgb(values.displayed));
+        let (toned, is_changed) = (of_ray(values.toned), values.toned != before);
+        let toned = if values.curve.is_some() {
+            line!("  between 0 and 1: {toned colour}", toned).written_if(is_changed)
+        } else {
+            let changed = if is_changed { ", each component between 0 and 1" } else { "" };
+            line!("tone \"{}\"{}: {toned colour}", tone, changed, toned)
+        };
+        lines.push(toned);
+        lines.push(line!("transfer \"{}\": {displayed colour}", transfer, values.displayed).of_ray());
         let [r, g, b] = values.bytes;
-        let alpha = values.alpha_byte.map_or_else(String::new, |byte| format!(", alpha {byte}"));
-        writeln!(w, "bytes in the file {r} {g} {b}  (#{r:02x}{g:02x}{b:02x}){alpha}");
+        let words = format!("{r} {g} {b}  (#{r:02x}{g:02x}{b:02x})");
+        let alpha = values.alpha_byte.map(|byte| format!(", alpha {byte}"));
+        lines.push(line!("bytes in the file {}{}", words, alpha));
+        lines.push(line!("{bytes}", values.bytes.map(f64::from)).written_if(false).of_ray());
+        lines
     }
 }

@@ -1,19 +1,21 @@
-//! The terms of lights as text.
+//! The terms of lights, and their text.
 
-use super::steps_text::write_light_steps;
+use super::number::{Digits, Number};
+use super::term::{Line, Term, line, of_ray, summand};
 use super::text_writer::{TextWriter, counted};
-use super::tree::LightNode;
+use super::tree::{HitNode, LightNode};
 use crate::math::Rgb;
+use glam::DVec3;
 
 /// The most lights that are written one by one at a camera ray's hit, and at a deeper one, if the text is folded.
 const MOST_LIGHTS: [usize; 2] = [8, 3];
 
 /// Writes the lights of a hit of a ray at this level.
-pub(super) fn write_lights(w: &mut TextWriter, lights: &[LightNode], level: u32, indent: &str) {
+pub(super) fn write_lights(w: &mut TextWriter, hit: &HitNode, level: u32, indent: &str) {
     if w.is_full {
-        return lights.iter().for_each(|light| write_light(w, light, indent));
+        return hit.lights.iter().for_each(|light| w.lines(indent, light.lines(hit)));
     }
-    let groups: Vec<&[LightNode]> = by_light(lights).collect();
+    let groups: Vec<&[LightNode]> = by_light(&hit.lights).collect();
     let most = MOST_LIGHTS[usize::from(level > 1)];
     let mut by_size: Vec<usize> = (0..groups.len()).collect();
     by_size.sort_by(|&a, &b| size(sum_of(groups[b])).total_cmp(&size(sum_of(groups[a]))));
@@ -23,13 +25,13 @@ pub(super) fn write_lights(w: &mut TextWriter, lights: &[LightNode], level: u32,
     for (index, group) in groups.iter().enumerate() {
         match group {
             _ if !by_size[..kept].contains(&index) => others += sum_of(group),
-            [light] if level == 1 => write_light(w, light, indent),
-            [light] => write_light_in_a_line(w, light, indent),
+            [light] if level == 1 => w.lines(indent, light.lines(hit)),
+            [light] => w.line(indent, &light_in_a_line(light)),
             points => write_points(w, points, level, indent),
         }
     }
     if groups.len() > kept {
-        writeln!(w, "{indent}    + {} other lights: {}", groups.len() - kept, w.rgb(others));
+        w.line(indent, &line!("    + {} other lights: {}", groups.len() - kept, others));
     }
 }
 
@@ -48,50 +50,70 @@ fn size(light: Rgb) -> f32 {
     light.r + light.g + light.b
 }
 
-fn write_light(w: &mut TextWriter, light: &LightNode, indent: &str) {
-    let distance = if light.distance.is_finite() {
-        format!("distance {}", w.number(light.distance))
-    } else {
-        "from infinity".into()
-    };
-    writeln!(
-        w,
-        "{indent}    + {}{}: {}",
-        light.light,
-        match light.position {
-            Some(p) => format!(" (random point {} at {})", light.point, w.vector(p)),
-            None if light.point > 0 => format!(" (point {})", light.point),
-            None => String::new(),
-        },
-        w.rgb(light.contribution)
-    );
-    writeln!(
-        w,
-        "{indent}        L = {}, {distance}, l = {}, n.L = {}",
-        w.vector(light.direction),
-        w.rgb(light.intensity),
-        w.number(light.n_dot_l)
-    );
-    if let Some(steps) = &light.steps {
-        write_light_steps(w, steps, indent);
+impl LightNode {
+    /// The terms of a point of a light at a hit.
+    pub(super) fn lines<'t>(&'t self, hit: &'t HitNode) -> Vec<Line<'t>> {
+        let (distance, intensity, n_dot_l, r_dot_l) = (self.distance, self.intensity, self.n_dot_l, self.r_dot_l);
+        let factors = move || line!("n.L = {}, r.L = {}, f_s = {}, l = {}", n_dot_l, r_dot_l, self.f_s, intensity);
+        let sum = summand(self.contribution).because(move || Some(factors()));
+        let which = match self.position {
+            Some(position) => line!(" (random point {} at {})", self.point, position),
+            None if self.point > 0 => line!(" (point {})", self.point),
+            None => line!(""),
+        };
+        let distance =
+            if distance.is_finite() { line!("distance {distance}", distance) } else { line!("from infinity") };
+        let towards = Term::from(self.direction).because(|| Some(line!("{}", self.place(hit))));
+        let towards = line!("        L = {L}, ", towards).and(distance);
+        let mut lines = vec![
+            line!("    + {}", &self.light).and(which).and(line!(": {f_s (diffuse + specular):5.39a}", sum)),
+            towards.and(line!(", l = {}, n.L = {n.L}", intensity, n_dot_l)).of_ray(),
+        ];
+        lines.extend(self.steps.iter().map(|steps| steps.line()));
+        let side = if is_behind(self) { "behind the surface" } else { "in front" };
+        let side = Term::from(side).because(move || Some(line!("n.L = {}", n_dot_l)));
+        lines.push(line!("{l}{side of the light}", of_ray(intensity), side).written_if(false));
+        let dark = dark(self);
+        lines.extend(dark.map(|reason| line!("        {}", reason)));
+        for blocker in self.blockers.iter().filter(|_| dark.is_none()) {
+            let passed = 1.0 - blocker.opacity;
+            let how = if passed > 0.0 { "shadow ray passes" } else { "shadow ray is blocked by" };
+            lines.push(line!("        {} {}: 1 - o = {}", how, &blocker.object, passed));
+        }
+        let f_s = Term::from(self.f_s).because(|| Some(line!("{}", self.shadow())));
+        let specular = line!("        specular l*ks*(r.L)^n  = {specular l*ks*(r.L)^n:5.38}", self.specular);
+        let sums = [
+            line!("        f_s = {f_s:5.39a}  (5.39a)", f_s),
+            line!("        diffuse  l*kd*(n.L)    = {diffuse l*kd*(n.L):5.32}  (5.32)", self.diffuse).of_ray(),
+            specular.and(line!(", r.L = {r.L}  (5.38)", r_dot_l)).of_ray(),
+        ];
+        lines.extend(sums.map(|line| line.written_if(dark.is_none())));
+        lines
     }
-    if let Some(reason) = dark(light) {
-        writeln!(w, "{indent}        {reason}");
-        return;
+
+    /// Where a light is, as seen from a hit.
+    fn place(&self, hit: &HitNode) -> String {
+        if !self.distance.is_finite() {
+            return "the light is at infinity".into();
+        }
+        let towards = DVec3::from(self.direction.map(f64::from)) * f64::from(self.distance);
+        let place = self.position.map_or(DVec3::from(hit.point) + towards, DVec3::from);
+        // The place is known to the digits of a distance in f32.
+        let unit = libm::pow(10.0, (libm::log10(place.abs().max_element().max(f64::MIN_POSITIVE))).floor() - 4.0);
+        let [x, y, z] = place.to_array().map(|v| Number((v / unit).round() * unit, Digits::Significant(5)));
+        format!("the light is at ({x}, {y}, {z})")
     }
-    for blocker in &light.blockers {
-        let passed = 1.0 - blocker.opacity;
-        let how = if passed > 0.0 { "shadow ray passes" } else { "shadow ray is blocked by" };
-        writeln!(w, "{indent}        {how} {}: 1 - o = {}", blocker.object, w.number(passed));
+
+    /// What stands between a hit and a light.
+    fn shadow(&self) -> String {
+        let names: Vec<&str> = self.blockers.iter().map(|blocker| blocker.object.as_str()).collect();
+        match names[..] {
+            [] if is_behind(self) => "the light is behind the surface".into(),
+            [] => "nothing blocks it".into(),
+            _ if self.f_s == 0.0 => format!("blocked by {}", names.join(", ")),
+            _ => format!("weakened by {}", names.join(", ")),
+        }
     }
-    writeln!(w, "{indent}        f_s = {}  (5.39a)", w.number(light.f_s));
-    writeln!(w, "{indent}        diffuse  l*kd*(n.L)    = {}  (5.32)", w.rgb(light.diffuse));
-    writeln!(
-        w,
-        "{indent}        specular l*ks*(r.L)^n  = {}, r.L = {}  (5.38)",
-        w.rgb(light.specular),
-        w.number(light.r_dot_l)
-    );
 }
 
 /// Whether n·L isn't positive.
@@ -115,17 +137,17 @@ pub(super) fn dark(light: &LightNode) -> Option<&'static str> {
     light.intensity.is_black().then_some("no light arrives: the point is outside the cone or beam")
 }
 
-fn write_light_in_a_line(w: &mut TextWriter, light: &LightNode, indent: &str) {
-    let how = match dark(light) {
-        Some(_) if is_behind(light) => "behind the surface".to_owned(),
-        Some(_) => "outside the cone or beam".to_owned(),
+fn light_in_a_line(light: &LightNode) -> Line<'_> {
+    let start = line!("    + {}: {}; ", &light.light, light.contribution);
+    start.and(match dark(light) {
+        Some(_) if is_behind(light) => line!("behind the surface"),
+        Some(_) => line!("outside the cone or beam"),
         None => {
-            let names: Vec<&str> = light.blockers.iter().map(|blocker| blocker.object.as_str()).collect();
-            let by = if names.is_empty() { String::new() } else { format!(" by {}", names.join(", ")) };
-            format!("n.L = {}, f_s = {}{by}", w.number(light.n_dot_l), w.number(light.f_s))
+            let names = line!(" by ").list(light.blockers.iter().map(|blocker| line!("{}", &blocker.object)));
+            let factors = line!("n.L = {}, f_s = {}", light.n_dot_l, light.f_s);
+            if light.blockers.is_empty() { factors } else { factors.and(names) }
         }
-    };
-    writeln!(w, "{indent}    + {}: {}; {how}", light.light, w.rgb(light.contribution));
+    })
 }
 
 /// Writes many points of one light, as their sum and means.
@@ -149,7 +171,7 @@ fn write_points(w: &mut TextWriter, points: &[LightNode], level: u32, indent: &s
     let mut passed = format!("{} pass", seen.len() - blocked - dimmed);
     let name = &points[0].light;
     let what = counted(points.len(), if points[0].position.is_some() { "random point" } else { "point" });
-    writeln!(w, "{indent}    + {name}, {what}: {}", w.rgb(sum_of(points)));
+    w.line(indent, &line!("    + {}, {}: {}", name, what, sum_of(points)));
     if seen.is_empty() {
         writeln!(w, "{indent}        no light of these arrives: they are behind the surface or don't shine on it");
         return;
@@ -174,14 +196,14 @@ fn write_points(w: &mut TextWriter, points: &[LightNode], level: u32, indent: &s
         let sum: f64 = seen.iter().map(|point| f64::from(of(point))).sum();
         (sum / seen.len() as f64) as f32
     };
-    let (f_s, n_dot_l) = (w.number(mean(&|point| point.f_s)), w.number(mean(&|point| point.n_dot_l)));
-    writeln!(w, "{indent}        {passed}; mean f_s = {f_s}  (5.39a), mean n.L = {n_dot_l}");
+    let (f_s, n_dot_l) = (mean(&|point| point.f_s), mean(&|point| point.n_dot_l));
+    w.line(indent, &line!("        {}; mean f_s = {}  (5.39a), mean n.L = {}", passed, f_s, n_dot_l));
     if level == 1 {
         let after_shadows =
             |of: &dyn Fn(&LightNode) -> Rgb| seen.iter().fold(Rgb::BLACK, |sum, point| sum + of(point) * point.f_s);
         let [diffuse, specular] = [after_shadows(&|point| point.diffuse), after_shadows(&|point| point.specular)];
-        writeln!(w, "{indent}        sum of f_s*l*kd*(n.L)    = {}  (5.32)", w.rgb(diffuse));
-        writeln!(w, "{indent}        sum of f_s*l*ks*(r.L)^n  = {}  (5.38)", w.rgb(specular));
+        w.line(indent, &line!("        sum of f_s*l*kd*(n.L)    = {}  (5.32)", diffuse));
+        w.line(indent, &line!("        sum of f_s*l*ks*(r.L)^n  = {}  (5.38)", specular));
     }
 }
 

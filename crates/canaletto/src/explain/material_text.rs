@@ -1,25 +1,41 @@
-//! A hit's material and textures as text.
+//! A hit's material and textures: their terms, and their text.
 
+use super::term::{Line, Term, Value, line};
 use super::text_writer::{TextWriter, counted};
 use super::tree::{HitNode, ReadingNode, TextureNode};
-use crate::material::{Parameter, ParameterInfo, ParameterValue, Shown};
+use crate::material::{Parameter, ParameterInfo, Shown};
 
-/// The material's parameters: in one line those that are always shown, and a line for each other that is set.
-pub(super) fn write_material(w: &mut TextWriter, hit: &HitNode, indent: &str) {
-    let (always, others): (Vec<_>, Vec<_>) = Parameter::ALL.iter().partition(|row| row.shown != Shown::IfSet);
-    let always: Vec<String> = always.into_iter().map(|row| parameter(w, hit, row)).collect();
-    writeln!(w, "{indent}    material \"{}\": {}", hit.material, always.join(", "));
-    for row in others.into_iter().filter(|row| row.get(&hit.phong) != row.default_value()) {
-        let parameter = parameter(w, hit, row);
-        writeln!(w, "{indent}        {parameter}");
+impl HitNode {
+    /// The material's parameters: in one line those that texts always have, and a line for each other one.
+    pub(super) fn material_lines(&self) -> Vec<Line<'_>> {
+        let (always, others): (Vec<_>, Vec<_>) = Parameter::ALL.iter().partition(|row| row.shown != Shown::IfSet);
+        let parameter = |row: &ParameterInfo| {
+            let term = Term::from(Value::Singles(row.get(&self.phong).to_vec())).named(row.symbol);
+            line!("{} {}", row.symbol, term.because(|| Some(line!("material \"{}\"", &self.material))))
+        };
+        let first = line!("    material \"{}\": ", &self.material).list(always.into_iter().map(parameter));
+        let is_set = |row: &ParameterInfo| row.get(&self.phong) != row.default_value();
+        let other = |row| line!("        ").and(parameter(row)).written_if(is_set(row));
+        [first].into_iter().chain(others.into_iter().map(other)).collect()
+    }
+
+    /// The texture that bends the normal.
+    pub(super) fn bending_texture(&self) -> Option<&TextureNode> {
+        self.textures.iter().find(|texture| matches!(texture.used, "bump" | "normal"))
     }
 }
 
-/// A parameter's symbol and value.
-fn parameter(w: &TextWriter, hit: &HitNode, row: &ParameterInfo) -> String {
-    match row.get(&hit.phong) {
-        ParameterValue::Color(color) => format!("{} {}", row.symbol, w.rgb(color)),
-        ParameterValue::Number(number) => format!("{} {}", row.symbol, w.number(number)),
+impl TextureNode {
+    /// The value, and what it replaces.
+    pub(super) fn value_lines(&self) -> [Line<'_>; 2] {
+        let place = || {
+            let [x, y] = self.readings.first()?.image?.texel;
+            Some(line!("{}", format!("texel ({x:.3}, {y:.3})")))
+        };
+        let [before, after] = self.replaced.each_ref().map(|values| &values[..]);
+        let what = if matches!(self.used, "bump" | "normal") { "n" } else { self.used };
+        let value = Term::from(self.value).because(place);
+        [line!("        value {value}", value), line!("        {}: {} instead of {}", what, after, before)]
     }
 }
 
@@ -54,10 +70,7 @@ pub(super) fn write_texture(w: &mut TextWriter, texture: &TextureNode, indent: &
         let more = texture.readings.len() - readings.len();
         writeln!(w, "{indent}        and {} with less weight", counted(more, "other place"));
     }
-    writeln!(w, "{indent}        value ({})", w.list(&texture.value));
-    let [before, after] = &texture.replaced;
-    let what = if matches!(texture.used, "bump" | "normal") { "n" } else { texture.used };
-    writeln!(w, "{indent}        {what}: ({}) instead of ({})", w.list(after), w.list(before));
+    w.lines(indent, texture.value_lines());
 }
 
 /// Texture coordinates with six decimals.

@@ -25,6 +25,7 @@ mod round_shapes;
 mod steps;
 mod steps_text;
 mod summing;
+mod term;
 mod text;
 mod text_writer;
 mod tree;
@@ -33,7 +34,7 @@ mod tried_objects;
 mod worker;
 
 pub use developed::{DevelopedNode, DevelopedValues, ToneCurve};
-pub use difference::{TermDifference, TermValue, TreeDifference};
+pub use difference::{TermDifference, TreeDifference};
 pub use intersection::{Intersection, TriedObject};
 pub use outside::{OutsidePicture, OutsideView};
 pub use page::PageStyle;
@@ -44,6 +45,7 @@ pub use patch::{
 pub use path::{Arrival, ArrivalSurface, PathRay, PathSample, PathStep, PathTree, SampledNode};
 pub use ray_tree::RayTree;
 pub use steps::{CameraSteps, HitSteps, LightSteps, RaySteps, RefractionSteps};
+pub use term::TermValue;
 pub use text_writer::TextStyle;
 pub use tree::{
     BlockerNode, CutNode, HitNode, ImageNode, LightNode, LobeNode, Outcome, PixelTree, RayNode, ReadingNode,

@@ -2,17 +2,18 @@
 
 use super::drawing::drawn_levels;
 use super::light_text::{by_light, dark, sum_of};
-use super::number::{Digits, Number};
+use super::number::Digits;
 use super::outside::OutsideView;
 use super::path::PathTree;
 use super::ray_tree::RayTree;
+use super::term::Value;
 use super::text_writer::{TextStyle, counted};
 use super::tree::{HitNode, LightNode, Outcome, PixelTree, RayNode};
 use super::tree_svg::{escaped, hex};
 use crate::integrator::RayKind;
 use crate::material::Parameter;
 use crate::math::Rgb;
-use std::fmt::{Display, LowerExp, Write};
+use std::fmt::Write;
 
 /// What a page shows besides a tree.
 #[derive(Clone, Copy, Debug)]
@@ -49,21 +50,21 @@ impl PixelTree {
         let mut page = Page::begin(style, &format!("pixel ({x}, {y})"), self.color);
         page.drawing(&self.svg(style.text.levels, style.outside));
         page.html += "<h2>From light to the file</h2><table>\n";
-        page.colored_row("sum of the terms", "5.39b", &page.rgb(self.sum()), self.sum());
+        page.colored_row("sum of the terms", "5.39b", &page.value(self.sum()), self.sum());
         let is_equal = if self.sum() == self.color { "equal, bit for bit" } else { "NOT equal: this is a bug" };
-        page.colored_row(&format!("rendered pixel ({is_equal})"), "", &page.rgb(self.color), self.color);
+        page.colored_row(&format!("rendered pixel ({is_equal})"), "", &page.value(self.color), self.color);
         let developed = &self.developed;
         if let Some(values) = &developed.values {
             if let (Some(alpha), Some(straight)) = (developed.alpha, values.straight) {
-                page.row("alpha, the share of the background that is hidden", "", &page.number(alpha));
-                page.colored_row("colour divided by alpha", "", &page.rgb(straight), straight);
+                page.row("alpha, the share of the background that is hidden", "", &page.value(alpha));
+                page.colored_row("colour divided by alpha", "", &page.value(straight), straight);
             }
             if let Some(stops) = developed.exposure.filter(|stops| *stops != 0.0) {
-                let name = format!("exposure of {} stops", page.number(stops));
-                page.colored_row(&name, "", &page.rgb(values.exposed), values.exposed);
+                let name = format!("exposure of {} stops", page.value(stops));
+                page.colored_row(&name, "", &page.value(values.exposed), values.exposed);
             }
-            page.colored_row(&format!("tone {}", developed.tone), "", &page.rgb(values.toned), values.toned);
-            page.row(&format!("transfer {}", developed.transfer), "", &page.rgb(values.displayed));
+            page.colored_row(&format!("tone {}", developed.tone), "", &page.value(values.toned), values.toned);
+            page.row(&format!("transfer {}", developed.transfer), "", &page.value(values.displayed));
             let [r, g, b] = values.bytes;
             let code = format!("#{r:02x}{g:02x}{b:02x}");
             let swatch = format!("<i class=\"swatch\" style=\"background:{code}\"></i>");
@@ -90,10 +91,10 @@ impl PixelTree {
             chosen + 1
         );
         for (index, sample) in self.samples.iter().take(MOST_SAMPLES).enumerate() {
-            let [x, y] = sample.position.map(|v| page.number(v));
+            let [x, y] = sample.position.map(|v| page.value(v));
             let object = name_of(&sample.ray);
             let name = format!("sample {} at ({x}, {y}), {object}", index + 1);
-            let value = format!("{} × {}", page.number(sample.weight / total), page.rgb(sample.ray.color));
+            let value = format!("{} × {}", page.value(sample.weight / total), page.value(sample.ray.color));
             page.colored_row(&name, "", &value, sample.ray.color);
         }
         if self.samples.len() > MOST_SAMPLES {
@@ -165,16 +166,8 @@ impl Page {
         let _ = writeln!(self.html, "<figure>{svg}</figure>");
     }
 
-    fn number<T: Copy + Display + LowerExp + Into<f64>>(&self, v: T) -> String {
-        Number(v, self.digits).to_string()
-    }
-
-    fn vector<T: Copy + Display + LowerExp + Into<f64>>(&self, v: [T; 3]) -> String {
-        format!("({})", v.map(|v| self.number(v)).join(", "))
-    }
-
-    fn rgb(&self, color: Rgb) -> String {
-        self.vector(color.to_array())
+    fn value<'a>(&self, value: impl Into<Value<'a>>) -> String {
+        value.into().text(self.digits)
     }
 
     fn row(&mut self, name: &str, equation: &str, value: &str) {
@@ -214,15 +207,17 @@ impl Page {
             kind_words(ray.kind),
             escaped(name_of(ray)),
             hex(ray.color),
-            self.rgb(ray.color)
+            self.value(ray.color)
         );
-        self.row("origin o", "5.4", &self.vector(ray.origin));
-        self.row("direction d", "5.4", &self.vector(ray.direction));
+        self.row("origin o", "5.4", &self.value(ray.origin));
+        self.row("direction d", "5.4", &self.value(ray.direction));
         if let Some([from, into]) = ray.media {
-            self.row("media", "5.43", &format!("from eta {} into eta {}", self.number(from), self.number(into)));
+            self.row("media", "5.43", &format!("from eta {} into eta {}", self.value(from), self.value(into)));
         }
         match &ray.outcome {
-            Outcome::Miss { background, .. } => self.colored_row(name_of(ray), "", &self.rgb(*background), *background),
+            Outcome::Miss { background, .. } => {
+                self.colored_row(name_of(ray), "", &self.value(*background), *background)
+            }
             Outcome::Hit(hit) => self.hit(hit, ray.color, level, deepest),
         }
         // The table of a hit ends before its child rays.
@@ -230,23 +225,23 @@ impl Page {
     }
 
     fn hit(&mut self, hit: &HitNode, color: Rgb, level: u32, deepest: u32) {
-        self.row("t", "", &self.number(hit.t));
-        self.row("point p", "5.4", &self.vector(hit.point));
-        self.row("normal n", "", &self.vector(hit.shading_normal));
+        self.row("t", "", &self.value(hit.t));
+        self.row("point p", "5.4", &self.value(hit.point));
+        self.row("normal n", "", &self.value(hit.shading_normal));
         self.material(hit);
         if let Some(kd) = hit.unlit {
-            self.colored_row("+ unlit colour kd", "", &self.rgb(kd), kd);
+            self.colored_row("+ unlit colour kd", "", &self.value(kd), kd);
         }
         if let Some(ambient) = hit.ambient {
             let (name, equation) =
                 if hit.radiosity.is_some() { ("+ radiosity's light · kd", "") } else { ("+ ambient Ia kd", "5.33") };
-            self.colored_row(name, equation, &self.rgb(ambient), ambient);
+            self.colored_row(name, equation, &self.value(ambient), ambient);
         }
         if let Some(emitters) = &hit.emitters {
-            self.colored_row("+ emitting surfaces E kd", "", &self.rgb(emitters.contribution), emitters.contribution);
+            self.colored_row("+ emitting surfaces E kd", "", &self.value(emitters.contribution), emitters.contribution);
         }
         if let Some(emission) = hit.emission {
-            self.colored_row("+ emission", "", &self.rgb(emission), emission);
+            self.colored_row("+ emission", "", &self.value(emission), emission);
         }
         for points in by_light(&hit.lights) {
             self.light(points);
@@ -254,7 +249,7 @@ impl Page {
         for child in &hit.children {
             let factor = if child.kind == RayKind::Reflected { "k" } else { "(1 − o)" };
             let product = child.color * child.factor;
-            let value = format!("{} · {} = {}", self.rgb(child.factor), self.rgb(child.color), self.rgb(product));
+            let value = format!("{} · {} = {}", self.value(child.factor), self.value(child.color), self.value(product));
             self.colored_row(&format!("+ {factor} · {}", kind_words(child.kind)), "5.39b", &value, product);
         }
         for cut in &hit.cut {
@@ -262,13 +257,13 @@ impl Page {
             self.row(&name, "5.39b", "because of max-depth or min-weight");
         }
         if let Some((overlay, share)) = hit.overlay {
-            let value = format!("{} · {}", self.number(share), self.rgb(overlay));
+            let value = format!("{} · {}", self.value(share), self.value(overlay));
             self.colored_row("overlay by a texture", "", &value, overlay);
         }
         if let Some(coverage) = hit.coverage {
-            self.row("· coverage", "", &self.number(coverage));
+            self.row("· coverage", "", &self.value(coverage));
         }
-        self.colored_row("= colour of the ray", "5.39b", &self.rgb(color), color);
+        self.colored_row("= colour of the ray", "5.39b", &self.value(color), color);
         self.html += "</table>\n";
         for child in hit.children.iter().chain(&hit.behind) {
             if level < deepest {
@@ -288,15 +283,15 @@ impl Page {
             }
             let name = format!("{} of {}", parameter.symbol, hit.material);
             match value.to_vec()[..] {
-                [r, g, b] => self.colored_row(&name, "", &self.vector([r, g, b]), Rgb { r, g, b }),
+                [r, g, b] => self.colored_row(&name, "", &self.value([r, g, b]), Rgb { r, g, b }),
                 ref numbers => {
-                    let numbers: Vec<String> = numbers.iter().map(|v| self.number(*v)).collect();
+                    let numbers: Vec<String> = numbers.iter().map(|v| self.value(*v)).collect();
                     self.row(&name, "", &numbers.join(" "));
                 }
             }
         }
         for texture in &hit.textures {
-            let value: Vec<String> = texture.value.iter().map(|v| self.number(*v)).collect();
+            let value: Vec<String> = texture.value.iter().map(|v| self.value(*v)).collect();
             self.row(&format!("texture {} for {}", texture.texture, texture.used), "5.5", &value.join(" "));
         }
     }
@@ -308,7 +303,7 @@ impl Page {
             ([point], Some(_)) => {
                 let names: Vec<&str> = point.blockers.iter().map(|blocker| blocker.object.as_str()).collect();
                 let by = if names.is_empty() { String::new() } else { format!(" by {}", names.join(", ")) };
-                format!("f_s = {}{by}, n·L = {}, ", self.number(point.f_s), self.number(point.n_dot_l))
+                format!("f_s = {}{by}, n·L = {}, ", self.value(point.f_s), self.value(point.n_dot_l))
             }
             ([point], None) => format!("{}, ", dark(point).unwrap_or_default()),
             (points, _) => {
@@ -316,10 +311,10 @@ impl Page {
                 format!("{passed} of {} points arrive, ", points.len())
             }
         };
-        self.colored_row(&format!("+ {name}"), "5.39a", &format!("{how}{}", self.rgb(sum)), sum);
+        self.colored_row(&format!("+ {name}"), "5.39a", &format!("{how}{}", self.value(sum)), sum);
         if let ([point], Some(_)) = (points, lit) {
-            self.colored_row("  diffuse l kd (n·L)", "5.32", &self.rgb(point.diffuse), point.diffuse);
-            self.colored_row("  specular l ks (r·L)ⁿ", "5.38", &self.rgb(point.specular), point.specular);
+            self.colored_row("  diffuse l kd (n·L)", "5.32", &self.value(point.diffuse), point.diffuse);
+            self.colored_row("  specular l ks (r·L)ⁿ", "5.38", &self.value(point.specular), point.specular);
         }
     }
 }
@@ -333,7 +328,7 @@ fn name_of(ray: &RayNode) -> &str {
 }
 
 fn kind_words(kind: RayKind) -> &'static str {
-    super::difference::kind_name(kind)
+    super::ray_text::kind_name(kind)
 }
 
 /// Light and dark, as the reader's browser is. On a screen as narrow as a phone's, a value stands below its name, and

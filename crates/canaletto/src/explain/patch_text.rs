@@ -1,11 +1,13 @@
 //! The light of radiosity and its patches as text.
 
 use super::patch::{
-    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, SourceKind, SourceNode,
+    CornerNode, LightSum, LinkNode, OthersNode, PatchNode, PlaceNode, RadiosityNode, RadiosityTerms, SourceKind,
+    SourceNode,
 };
 use super::patch_terms::BlendedPlace;
+use super::term::{Line, Term, line};
 use super::text_writer::{TextWriter, counted};
-use super::tree::Side;
+use super::tree::{Side, has_primitives};
 use crate::integrator::ShownLight;
 use glam::DVec3;
 
@@ -21,9 +23,11 @@ fn first_part(shown: ShownLight) -> usize {
     }
 }
 
-/// The parts of light that are shown.
-pub(super) fn shown_parts(shown: ShownLight) -> String {
-    PARTS[first_part(shown)..].join(" + ")
+impl RadiosityNode {
+    /// The parts of light that are shown.
+    pub(super) fn shown_parts(&self) -> String {
+        PARTS[first_part(self.shown)..].join(" + ")
+    }
 }
 
 /// The most sources of light that are written if the text is folded.
@@ -32,40 +36,36 @@ const MOST_SOURCES: usize = 6;
 /// Writes how the light at a hit is made of that of a patch, or of its centre and vertices.
 pub(super) fn write_radiosity(w: &mut TextWriter, node: &RadiosityNode, indent: &str) {
     let first = first_part(node.shown);
-    let what = shown_parts(node.shown);
+    let what = node.shown_parts();
     let how = if node.is_interpolated {
         "interpolated between the patch's centre and two vertices"
     } else {
         "of the whole patch"
     };
-    writeln!(w, "{indent}{}: {what}, {how}", w.vector(node.light));
+    w.line(indent, &line!("{}: {}, {}", node.light, what, how));
     for corner in &node.corners {
         let place = match corner.vertex {
             Some(vertex) => format!("vertex {vertex}"),
             None if node.is_interpolated => format!("centre of patch {}", node.patch),
             None => format!("patch {}", node.patch),
         };
-        let weight = if node.is_interpolated { format!(", weight {}", w.number(corner.weight)) } else { String::new() };
-        let parts = [corner.direct, corner.from_emitters, corner.indirect];
+        let start = line!("    {} at {}", place, corner.point);
+        let start = if node.is_interpolated { start.and(line!(", weight {}", corner.weight)) } else { start };
         if !w.is_full {
+            let parts = [corner.direct, corner.from_emitters, corner.indirect];
             let light = parts[first..].iter().fold(DVec3::ZERO, |sum, &part| sum + DVec3::from(part));
-            let light = w.vector(light.to_array());
-            writeln!(w, "{indent}    {place} at {}{weight}: {light}", w.vector(corner.point));
+            w.line(indent, &start.and(line!(": {}", light.to_array())));
             continue;
         }
-        writeln!(w, "{indent}    {place} at {}{weight}", w.vector(corner.point));
+        w.line(indent, &start);
         let deeper = format!("{indent}    ");
         match untold_place(w, node, corner) {
             Some(place) => {
-                for (name, sum) in PARTS.iter().zip(sums_of(place)).skip(first) {
-                    write_sum(w, name, sum, &deeper);
+                for (name, sum) in PARTS.iter().zip(place.sums()).skip(first) {
+                    w.lines(&deeper, sum.lines(name));
                 }
             }
-            None => {
-                for (name, light) in PARTS.iter().zip(parts).skip(first) {
-                    writeln!(w, "{deeper}    {name} {}", w.vector(light));
-                }
-            }
+            None => w.lines(&deeper, corner.lines().into_iter().skip(first)),
         }
     }
     if w.is_full {
@@ -76,20 +76,39 @@ pub(super) fn write_radiosity(w: &mut TextWriter, node: &RadiosityNode, indent: 
 
 /// The terms of a place that aren't written yet.
 fn untold_place<'t>(w: &mut TextWriter<'t>, node: &RadiosityNode, corner: &CornerNode) -> Option<&'t PlaceNode> {
-    let (index, place) = place_of(w, node, corner)?;
-    w.lit.told_places.insert(index).then_some(place)
+    let (index, place) = w.terms.place(node, corner)?;
+    w.told_places.insert(index).then_some(place)
 }
 
-fn place_of<'t>(w: &TextWriter<'t>, node: &RadiosityNode, corner: &CornerNode) -> Option<(usize, &'t PlaceNode)> {
-    let wanted = BlendedPlace::of(node, corner)?;
-    w.lit.terms.places.iter().enumerate().find(|(_, place)| match wanted {
-        BlendedPlace::Center(patch) => place.patch == Some(patch),
-        BlendedPlace::Vertex(vertex) => place.vertex == Some(vertex),
-    })
+impl RadiosityTerms {
+    /// The patch of this number.
+    pub(super) fn patch(&self, number: u32) -> Option<&PatchNode> {
+        self.patches.iter().find(|patch| patch.number == number)
+    }
+
+    /// The place of a corner in a patch's light, with its index.
+    pub(super) fn place(&self, node: &RadiosityNode, corner: &CornerNode) -> Option<(usize, &PlaceNode)> {
+        let wanted = BlendedPlace::of(node, corner)?;
+        self.places.iter().enumerate().find(|(_, place)| match wanted {
+            BlendedPlace::Center(patch) => place.patch == Some(patch),
+            BlendedPlace::Vertex(vertex) => place.vertex == Some(vertex),
+        })
+    }
 }
 
-fn sums_of(place: &PlaceNode) -> [&LightSum; 3] {
-    [&place.direct, &place.from_emitters, &place.indirect]
+impl PlaceNode {
+    /// The parts of light.
+    pub(super) fn sums(&self) -> [&LightSum; 3] {
+        [&self.direct, &self.from_emitters, &self.indirect]
+    }
+}
+
+impl CornerNode {
+    /// The parts of light.
+    pub(super) fn lines<'t>(&self) -> Vec<Line<'t>> {
+        let parts = PARTS.into_iter().zip([self.direct, self.from_emitters, self.indirect]);
+        parts.map(|(name, light)| line!("    {} {}", name, Term::from(light).named(name))).collect()
+    }
 }
 
 /// Writes what gives most of the light at a hit, as weighted means over its places.
@@ -98,14 +117,11 @@ fn write_largest_sources(w: &mut TextWriter, node: &RadiosityNode, first: usize,
     let mut sources: Vec<(String, DVec3)> = Vec::new();
     let mut others = DVec3::ZERO;
     for corner in &node.corners {
-        let sums = match place_of(w, node, corner) {
-            Some((_, place)) => sums_of(place),
-            None => {
-                match w.lit.terms.patches.iter().find(|patch| !node.is_interpolated && patch.number == node.patch) {
-                    Some(patch) => [&patch.direct, &patch.from_emitters, &patch.indirect],
-                    None => return writeln!(w, "{indent}    {}", unknown(w, node.patch)),
-                }
-            }
+        let terms = w.terms;
+        let place = terms.place(node, corner).map(|(_, place)| place.sums());
+        let patch = || terms.patch(node.patch).filter(|_| !node.is_interpolated).map(PatchNode::sums);
+        let Some(sums) = place.or_else(patch) else {
+            return writeln!(w, "{indent}    {}", unknown(w, node.patch));
         };
         let share = corner.weight / weights;
         for sum in &sums[first..] {
@@ -122,17 +138,17 @@ fn write_largest_sources(w: &mut TextWriter, node: &RadiosityNode, first: usize,
     }
     sources.sort_by(|a, b| b.1.element_sum().total_cmp(&a.1.element_sum()));
     for (name, light) in sources.iter().take(MOST_SOURCES) {
-        writeln!(w, "{indent}    from {name}: {}", w.vector(light.to_array()));
+        w.line(indent, &line!("    from {}: {}", name, light.to_array()));
     }
     let more = sources.len().saturating_sub(MOST_SOURCES);
     others += sources.iter().skip(MOST_SOURCES).fold(DVec3::ZERO, |sum, (_, light)| sum + *light);
     if more > 0 || others != DVec3::ZERO {
-        writeln!(w, "{indent}    from other surfaces: {}", w.vector(others.to_array()));
+        w.line(indent, &line!("    from other surfaces: {}", others.to_array()));
     }
 }
 
 fn unknown(w: &TextWriter, patch: u32) -> String {
-    if w.lit.terms.patches.is_empty() {
+    if w.terms.patches.is_empty() {
         format!("patch {patch}: what lights it isn't known, since a solution that was saved has no links")
     } else {
         format!("patch {patch}: not explained, since many patches lie under the pixel")
@@ -141,48 +157,54 @@ fn unknown(w: &TextWriter, patch: u32) -> String {
 
 /// Writes a patch and what lights it, unless that was written before.
 fn write_patch_once(w: &mut TextWriter, number: u32, indent: &str) {
-    match w.lit.terms.patches.iter().find(|patch| patch.number == number) {
-        Some(_) if !w.lit.told.insert(number) => writeln!(w, "{indent}patch {number}: as above"),
-        Some(patch) => write_patch(w, patch, indent),
+    match w.terms.patch(number) {
+        Some(_) if !w.told.insert(number) => writeln!(w, "{indent}patch {number}: as above"),
+        Some(patch) => w.lines(indent, patch.lines()),
         None => writeln!(w, "{indent}{}", unknown(w, number)),
     }
 }
 
-fn write_patch(w: &mut TextWriter, patch: &PatchNode, indent: &str) {
-    let PatchNode { number, object, kind, primitive, material, side, corners, center, area, .. } = patch;
-    let side = match side {
-        Side::Outside => "outer",
-        Side::Inside => "inner",
-    };
-    let which = if super::tree::has_primitives(kind) { format!(", primitive {primitive}") } else { String::new() };
-    writeln!(w, "{indent}patch {number}: {object}{which} ({kind}), {side} side, material \"{material}\"");
-    let corners: Vec<String> = corners.iter().map(|corner| w.vector(*corner)).collect();
-    writeln!(w, "{indent}    corners {}", corners.join(", "));
-    writeln!(w, "{indent}    centre {}, area {}", w.vector(*center), w.size(*area));
-    for (name, sum) in PARTS.iter().zip([&patch.direct, &patch.from_emitters, &patch.indirect]) {
-        write_sum(w, name, sum, indent);
+impl PatchNode {
+    fn lines(&self) -> Vec<Line<'_>> {
+        let PatchNode { number, object, kind, primitive, material, side, corners, center, .. } = self;
+        let side = if *side == Side::Outside { "outer" } else { "inner" };
+        let which = has_primitives(kind).then(|| format!(", primitive {primitive}"));
+        let start = line!("patch {}: {}{} ({})", *number, object, which, *kind);
+        let mut lines = vec![
+            start.and(line!(", {} side, material \"{}\"", side, material)),
+            line!("    corners ").list(corners.iter().map(|corner| line!("{}", *corner))),
+            line!("    centre {}, area {}", *center, self.area as f32),
+        ];
+        lines.extend(PARTS.iter().zip(self.sums()).flat_map(|(name, sum)| sum.lines(name)));
+        let is_equal = self.sum().to_array() == self.radiance;
+        let equal = if is_equal { "equal, bit for bit" } else { "NOT equal: this is a bug" };
+        lines.extend([self.balance_line(), line!("              = {}  ({})", self.radiance, equal)]);
+        lines
     }
-    let equal =
-        if patch.sum().to_array() == patch.radiance { "equal, bit for bit" } else { "NOT equal: this is a bug" };
-    writeln!(
-        w,
-        "{indent}    radiosity = emission {} + reflectance {} * (direct + emitters + indirect)",
-        w.vector(patch.emission),
-        w.vector(patch.reflectance)
-    );
-    writeln!(w, "{indent}              = {}  ({equal})", w.vector(patch.radiance));
+
+    /// The parts of light.
+    pub(super) fn sums(&self) -> [&LightSum; 3] {
+        [&self.direct, &self.from_emitters, &self.indirect]
+    }
+
+    /// What the radiosity is made of, besides the light.
+    pub(super) fn balance_line<'t>(&self) -> Line<'t> {
+        let emission = line!("    radiosity = emission {emission}", self.emission);
+        emission.and(line!(" + reflectance {reflectance} * (direct + emitters + indirect)", self.reflectance))
+    }
 }
 
-fn write_sum(w: &mut TextWriter, name: &str, sum: &LightSum, indent: &str) {
-    writeln!(w, "{indent}    {name}");
-    for source in &sum.sources {
-        write_source(w, source, indent);
+impl LightSum {
+    /// The sources of a part of light, and their sum.
+    pub(super) fn lines(&self, part: &'static str) -> Vec<Line<'_>> {
+        let mut lines = vec![line!("    {}", part)];
+        lines.extend(self.sources.iter().flat_map(SourceNode::lines));
+        lines.extend(self.others.map(|others| line!("        ").and(others.line("source"))));
+        let rounding = line!("        + {}: {}", rounding_of(self), self.rounding);
+        lines.push(rounding.written_if(self.rounding != [0.0; 3]));
+        lines.push(line!("        = {sum}", self.light));
+        lines
     }
-    write_others(w, sum.others.as_ref(), "source", &format!("{indent}        "));
-    if sum.rounding != [0.0; 3] {
-        writeln!(w, "{indent}        + {}: {}", rounding_of(sum), w.vector(sum.rounding));
-    }
-    writeln!(w, "{indent}        = {}", w.vector(sum.light));
 }
 
 /// The reason why a sum's terms have another sum than the solver found.
@@ -199,26 +221,28 @@ fn material_of(source: &SourceNode) -> String {
     source.material.as_ref().map_or(String::new(), |material| format!(", material \"{material}\""))
 }
 
-fn write_source(w: &mut TextWriter, source: &SourceNode, indent: &str) {
-    let by = match (source.kind, source.link_count) {
-        (SourceKind::Light | SourceKind::Environment, _) => String::new(),
-        (SourceKind::Itself, _) => ", what its form factors lack to 1".to_owned(),
-        (_, links) => format!(", {}", counted(links, "link")),
-    };
-    writeln!(w, "{indent}        + {}{}{by}: {}", source.name, material_of(source), w.vector(source.light));
-    for LinkNode { center, area, receiver_area, form_factor, radiance, light } in &source.links {
-        let product = format!("{} * {}", w.number(*form_factor), w.vector(*radiance));
-        writeln!(w, "{indent}            {product} = {}", w.vector(*light));
-        if source.kind != SourceKind::Itself {
-            let from = format!("from area {} around {}", w.size(*area), w.vector(*center));
-            writeln!(w, "{indent}                {from} to area {}", w.size(*receiver_area));
+impl SourceNode {
+    fn lines(&self) -> Vec<Line<'_>> {
+        let by = match (self.kind, self.link_count) {
+            (SourceKind::Light | SourceKind::Environment, _) => String::new(),
+            (SourceKind::Itself, _) => ", what its form factors lack to 1".to_owned(),
+            (_, links) => format!(", {}", counted(links, "link")),
+        };
+        let light = Term::from(self.light).named(format!("from {}", self.name));
+        let mut lines = vec![line!("        + {}{}{}: {}", &self.name, material_of(self), by, light)];
+        for LinkNode { center, area, receiver_area, form_factor, radiance, light } in self.links.iter().copied() {
+            lines.push(line!("            {} * {} = {}", form_factor, radiance, light));
+            let (from, to) = (area as f32, receiver_area as f32);
+            let areas = line!("                from area {} around {} to area {}", from, center, to);
+            lines.push(areas.written_if(self.kind != SourceKind::Itself));
         }
+        lines.extend(self.others.map(|others| line!("            ").and(others.line("link"))));
+        lines
     }
-    write_others(w, source.others.as_ref(), "link", &format!("{indent}            "));
 }
 
-fn write_others(w: &mut TextWriter, others: Option<&OthersNode>, what: &str, indent: &str) {
-    if let Some(OthersNode { count, light }) = others {
-        writeln!(w, "{indent}+ {}: {}", counted(*count, &format!("other {what}")), w.vector(*light));
+impl OthersNode {
+    fn line<'t>(&self, what: &str) -> Line<'t> {
+        line!("+ {}: {}", counted(self.count, &format!("other {what}")), self.light)
     }
 }

@@ -1,44 +1,51 @@
-//! What a z-buffer shows as text.
+//! What a z-buffer shows, as lines.
 
-use super::text_writer::TextWriter;
-use crate::integrator::{RasterNode, RasterTriangle, RivalFate};
+use super::term::{Line, line, of_ray};
+use crate::integrator::{RasterNode, RivalFate};
 
 /// The most hidden triangles that are written if the text is folded.
 const MOST_RIVALS: usize = 4;
 
-/// Writes the triangle that a z-buffer shows, and what it hides.
-pub(super) fn write_raster(w: &mut TextWriter, raster: &RasterNode) {
-    let RasterNode { triangle, samples, rivals, more_rivals } = raster;
-    if let Some(RasterTriangle { object, primitive, facet, corners, weights, depth, z }) = triangle {
-        match facet {
-            Some(facet) => writeln!(w, "triangle {facet} of the tessellation of {object} (primitive {primitive})"),
-            None => writeln!(w, "triangle {primitive} of {object}"),
+impl RasterNode {
+    /// The triangle that a z-buffer shows, and what it hides.
+    pub(super) fn lines(&self, is_full: bool) -> Vec<Line<'_>> {
+        let mut lines = Vec::new();
+        if let Some(triangle) = &self.triangle {
+            let (object, primitive) = (&triangle.object, of_ray(triangle.primitive));
+            lines.push(match triangle.facet {
+                Some(facet) => {
+                    let start =
+                        line!("triangle {} of the tessellation of {object of the visible triangle}", facet, object);
+                    start.and(line!(" (primitive {primitive of the triangle})", primitive))
+                }
+                None => {
+                    line!("triangle {primitive of the triangle} of {object of the visible triangle}", primitive, object)
+                }
+            });
+            let ([p1, p2, p3], [a, b, c]) = (triangle.corners, triangle.weights);
+            lines.push(line!("  on the screen {corner 1}, {corner 2}, {corner 3}", p1, p2, p3).of_ray());
+            lines.push(line!("  weights of the corners {} {} {}", a, b, c));
+            lines.push(line!("  depth 1/z = {}, z = {z}", triangle.depth, triangle.z).of_ray());
+        } else {
+            lines.push(line!("no triangle is visible"));
         }
-        let corner = |[x, y]: [f64; 2]| format!("({}, {})", w.number(x), w.number(y));
-        writeln!(w, "  on the screen {}", corners.map(corner).join(", "));
-        let [a, b, c] = weights.map(|weight| w.number(weight));
-        writeln!(w, "  weights of the corners {a} {b} {c}");
-        writeln!(w, "  depth 1/z = {}, z = {}", w.number(*depth), w.number(*z));
-    } else {
-        writeln!(w, "no triangle is visible");
-    }
-    if samples[1] > 1 {
-        writeln!(w, "  seen by {} of the pixel's {} samples", samples[0], samples[1]);
-    }
-    let most = if w.is_full { rivals.len() } else { MOST_RIVALS.min(rivals.len()) };
-    for rival in &rivals[..most] {
-        let fate = match rival.fate {
-            RivalFate::Farther => "is farther",
-            RivalFate::Equal => "is as near, but comes later in the scene or in its mesh",
-            RivalFate::BeyondFar => "lies beyond the far plane",
-            RivalFate::BeforeNear => "lies in front of the near plane",
-            RivalFate::Hole => "has a hole here",
-        };
-        let (depth, z) = (w.number(rival.depth), w.number(rival.z));
-        writeln!(w, "  hidden: {}, 1/z = {depth}, z = {z}: {fate}", rival.object);
-    }
-    let more = more_rivals + rivals.len() - most;
-    if more > 0 {
-        writeln!(w, "  hidden: {more} more triangles, farther than these");
+        let [seen, samples] = self.samples;
+        lines.push(line!("  seen by {} of the pixel's {} samples", seen, samples).written_if(samples > 1));
+        let most = if is_full { self.rivals.len() } else { MOST_RIVALS.min(self.rivals.len()) };
+        lines.extend(self.rivals[..most].iter().map(|rival| {
+            let fate = match rival.fate {
+                RivalFate::Farther => "is farther",
+                RivalFate::Equal => "is as near, but comes later in the scene or in its mesh",
+                RivalFate::BeyondFar => "lies beyond the far plane",
+                RivalFate::BeforeNear => "lies in front of the near plane",
+                RivalFate::Hole => "has a hole here",
+            };
+            line!("  hidden: {}, 1/z = {}, z = {}: {}", &rival.object, rival.depth, rival.z, fate)
+        }));
+        let more = self.more_rivals + self.rivals.len() - most;
+        if more > 0 {
+            lines.push(line!("  hidden: {} more triangles, farther than these", more));
+        }
+        lines
     }
 }

@@ -1,10 +1,9 @@
 //! Trees as text for a terminal: all of one, or a few screens in which what is alike is folded.
 
 use super::patch::RadiosityTerms;
-use super::raster_text::write_raster;
 use super::ray_text::{levels_of, write_ray};
 use super::ray_tree::RayTree;
-use super::steps_text::write_camera_steps;
+use super::term::{Line, line};
 use super::text_writer::{TextStyle, TextWriter, counted};
 use super::tree::{Outcome, PixelTree, SampleNode};
 use crate::film::WeightedSum;
@@ -53,14 +52,14 @@ impl PixelTree {
         );
         if let Some(camera) = &self.camera {
             writeln!(w);
-            write_camera_steps(&mut w, camera);
+            w.lines("", camera.lines());
         }
         for (index, sample) in self.samples.iter().enumerate().filter(|(index, _)| style.is_full || *index == chosen) {
             writeln!(w);
             if self.samples.len() > 1 {
                 let nearest = if w.is_full { "" } else { ", the nearest to the pixel's colour" };
-                let share = w.number((sample.weight / self.weights()) as f32);
-                writeln!(w, "sample {} of {}, weight {share}{nearest}", index + 1, self.samples.len());
+                let (number, share) = (index + 1, (sample.weight / self.weights()) as f32);
+                w.line("", &line!("sample {} of {}, weight {}{}", number, self.samples.len(), share, nearest));
             }
             write_sample(&mut w, sample);
         }
@@ -75,7 +74,7 @@ impl PixelTree {
             writeln!(w, "pixel = weighted mean of {} samples", self.samples.len());
         }
         write_equal(&mut w, self.sum(), "rendered pixel    ", self.color);
-        self.developed.write(&mut w, self.color);
+        w.lines("", self.developed.lines(self.color));
         w.text
     }
 
@@ -97,10 +96,10 @@ impl PixelTree {
     fn write_samples(&self, w: &mut TextWriter) {
         if self.samples.len() <= MOST_SAMPLES {
             for (index, sample) in self.samples.iter().enumerate() {
-                let share = w.number((sample.weight / self.weights()) as f32);
-                let place = w.list(&sample.position.map(|v| v as f32));
-                let color = w.rgb(sample.ray.color);
-                writeln!(w, "sample {}: weight {share}, at ({place}), {}: {color}", index + 1, seen_by(sample));
+                let (number, share) = (index + 1, (sample.weight / self.weights()) as f32);
+                let (place, color) = (sample.position.map(|v| v as f32), sample.ray.color);
+                let words = line!("sample {}: weight {}, at {}, {}: {}", number, share, place, seen_by(sample), color);
+                w.line("", &words);
             }
             return;
         }
@@ -118,8 +117,8 @@ impl PixelTree {
         }
         objects.sort_by(|a, b| b.2.total_cmp(&a.2));
         for (name, count, weight, sum) in objects.iter().take(MOST_OBJECTS) {
-            let (samples, share) = (counted(*count, "sample"), w.number((weight / self.weights()) as f32));
-            writeln!(w, "{samples} of {name}: weight {share}, mean {}", w.rgb(sum.mean()));
+            let (samples, share) = (counted(*count, "sample"), (weight / self.weights()) as f32);
+            w.line("", &line!("{} of {}: weight {}, mean {}", samples, *name, share, sum.mean()));
         }
         if objects.len() > MOST_OBJECTS {
             let more: usize = objects[MOST_OBJECTS..].iter().map(|(_, count, ..)| count).sum();
@@ -180,27 +179,40 @@ fn seen_by(sample: &SampleNode) -> &str {
     }
 }
 
+impl SampleNode {
+    /// The terms of a camera ray's start.
+    pub(super) fn lines<'t>(&self) -> Vec<Line<'t>> {
+        let [x, y] = self.position;
+        let mut lines = vec![
+            line!("{place in the picture:5.10}{weight}", self.position, self.weight).written_if(false),
+            line!("camera ray through x = {}, y = {}: d = {d:5.10}  (5.10)", x, y, self.chapter_direction),
+        ];
+        lines.extend(drawn_lines(self.time, self.lens));
+        lines.into_iter().map(Line::of_ray).collect()
+    }
+}
+
+/// The random numbers of a sample's time and lens.
+pub(super) fn drawn_lines<'t>(time: Option<f64>, lens: Option<[f64; 2]>) -> Vec<Line<'t>> {
+    let time = time.map(|time| line!("at time {time} of 0 (shutter opens) to 1 (shutter closes)", time));
+    let lens = lens.map(|[right, up]| {
+        let start = line!("from the point of the lens {lens, to the right} to the right of the eye", right);
+        start.and(line!(" and {lens, upwards} above it", up))
+    });
+    time.into_iter().chain(lens).collect()
+}
+
 fn write_sample(w: &mut TextWriter, sample: &SampleNode) {
-    let place = sample.position.map(|v| w.number(v));
-    let [x, y] = place;
-    writeln!(w, "camera ray through x = {x}, y = {y}: d = {}  (5.10)", w.vector(sample.chapter_direction));
-    if let Some(time) = sample.time {
-        writeln!(w, "at time {} of 0 (shutter opens) to 1 (shutter closes)", w.number(time));
-    }
-    if let Some([right, up]) = sample.lens {
-        let [right, up] = [right, up].map(|v| w.number(v));
-        writeln!(w, "from the point of the lens {right} to the right of the eye and {up} above it");
-    }
+    w.lines("", sample.lines());
     if let Some(raster) = &sample.raster {
-        write_raster(w, raster);
+        w.lines("", raster.lines(w.is_full));
     }
     write_ray(w, &sample.ray, 1, "");
 }
 
 pub(super) fn write_equal(w: &mut TextWriter, sum: Rgb, name: &str, rendered: Rgb) {
     let equal = if sum == rendered { "equal, bit for bit" } else { "NOT equal: this is a bug" };
-    writeln!(w, "sum of the terms  {}", w.rgb(sum));
-    writeln!(w, "{name}{}  ({equal})", w.rgb(rendered));
+    w.lines("", [line!("sum of the terms  {}", sum), line!("{}{}  ({})", name, rendered, equal)]);
 }
 
 #[cfg(test)]

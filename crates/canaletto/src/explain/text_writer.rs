@@ -1,10 +1,10 @@
 //! The text that a tree is written to, with how its numbers look and what is folded.
 
-use super::number::{Digits, Number};
+use super::number::Digits;
 use super::patch::RadiosityTerms;
-use crate::math::Rgb;
+use super::term::Line;
 use std::collections::BTreeSet;
-use std::fmt::{Arguments, Display, LowerExp, Write};
+use std::fmt::{Arguments, Write};
 
 /// How the text of a tree is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,11 +35,7 @@ pub(super) struct TextWriter<'t> {
     /// The level of the deepest rays that are written.
     pub(super) levels: u32,
     digits: Digits,
-    pub(super) lit: LitPlaces<'t>,
-}
-
-/// What lights the patches and the places under a pixel. In a full text each is written once.
-pub(super) struct LitPlaces<'t> {
+    /// What lights the patches and the places under a pixel. In a full text each is written once.
     pub(super) terms: &'t RadiosityTerms,
     /// The patches that are written already.
     pub(super) told: BTreeSet<u32>,
@@ -50,8 +46,8 @@ pub(super) struct LitPlaces<'t> {
 impl<'t> TextWriter<'t> {
     pub(super) fn new(style: &TextStyle, levels: u32, terms: &'t RadiosityTerms) -> Self {
         let digits = style.digits.map_or(Digits::Exact, Digits::Significant);
-        let lit = LitPlaces { terms, told: BTreeSet::new(), told_places: BTreeSet::new() };
-        TextWriter { text: String::new(), is_full: style.is_full, levels, digits, lit }
+        let (is_full, told, told_places) = (style.is_full, BTreeSet::new(), BTreeSet::new());
+        TextWriter { text: String::new(), is_full, levels, digits, terms, told, told_places }
     }
 
     /// Writes for `write!` and `writeln!`.
@@ -60,26 +56,15 @@ impl<'t> TextWriter<'t> {
         let _ = self.text.write_fmt(arguments);
     }
 
-    pub(super) fn number<T: Copy + Display + LowerExp + Into<f64>>(&self, value: T) -> Number<T> {
-        Number(value, self.digits)
+    /// Writes lines behind an indent.
+    pub(super) fn lines<'a>(&mut self, indent: &str, lines: impl IntoIterator<Item = Line<'a>>) {
+        lines.into_iter().for_each(|line| self.line(indent, &line));
     }
 
-    pub(super) fn rgb(&self, color: Rgb) -> String {
-        self.vector(color.to_array())
-    }
-
-    pub(super) fn vector<T: Copy + Display + LowerExp + Into<f64>>(&self, v: [T; 3]) -> String {
-        format!("({})", self.list(&v))
-    }
-
-    /// Numbers with commas between them.
-    pub(super) fn list<T: Copy + Display + LowerExp + Into<f64>>(&self, numbers: &[T]) -> String {
-        numbers.iter().map(|v| self.number(*v).to_string()).collect::<Vec<_>>().join(", ")
-    }
-
-    /// A length or an area with the digits of `f32`, since no sum depends on it.
-    pub(super) fn size(&self, size: f64) -> Number<f32> {
-        self.number(size as f32)
+    pub(super) fn line(&mut self, indent: &str, line: &Line) {
+        if let Some(line) = line.text(self.digits) {
+            writeln!(self, "{indent}{line}");
+        }
     }
 }
 

@@ -8,9 +8,9 @@ mod walk;
 
 use super::patch::RadiosityTerms;
 use super::ray_tree::RayTree;
+use super::term::{TermValue, line};
 use super::tree::{PixelTree, SampleNode};
 use crate::math::Rgb;
-pub(super) use ray::kind_name;
 use serde::Serialize;
 use walk::{Walk, sample_name};
 
@@ -52,21 +52,6 @@ pub struct TermDifference {
     pub change: Option<Rgb>,
 }
 
-/// The value of a term.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-#[non_exhaustive]
-pub enum TermValue {
-    /// There is no such term.
-    None,
-    /// A name or a word.
-    Word(String),
-    /// A number.
-    Number(f64),
-    /// A vector or a colour.
-    Numbers(Vec<f64>),
-}
-
 /// The most summands that are listed.
 const MOST_FOLLOWING: usize = 8;
 
@@ -77,6 +62,7 @@ impl PixelTree {
     /// Trees of two different pixels have different rays. What follows from a ray alone, such as points, normals and
     /// the directions to lights, is not compared then: the first difference is one of what rays meet, of materials and
     /// of shadows, else the summand that changes most. Of several samples, those nearest to both colours are compared.
+    /// Both trees have steps, or neither has.
     pub fn difference(&self, other: &PixelTree, digits: Option<u8>) -> TreeDifference {
         let trees = [self, other];
         let mut walk = Walk::new(trees.map(|tree| &tree.radiosity), self.pixel == other.pixel, digits);
@@ -98,9 +84,9 @@ impl PixelTree {
                 walk.below(name, |walk| walk.sample([a, b], share(b)));
             }
         } else {
-            walk.number("number of samples", None, [a, b].map(|samples| samples.len() as f64));
+            walk.lines([a, b].map(|samples| [line!("{number of samples}", samples.len())]));
         }
-        walk.developed(trees);
+        walk.lines(trees.map(|tree| tree.developed.lines(tree.color)));
         walk.finished([self.color, other.color], trees.map(|tree| tree.developed.values.map(|values| values.bytes)))
     }
 }

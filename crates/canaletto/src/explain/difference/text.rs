@@ -1,7 +1,8 @@
 //! Differences as text.
 
-use super::{TermDifference, TermValue, TreeDifference};
+use super::{TermDifference, TreeDifference};
 use crate::explain::number::{Digits, Number};
+use crate::explain::term::TermValue;
 use crate::explain::text_writer::counted;
 use crate::math::Rgb;
 

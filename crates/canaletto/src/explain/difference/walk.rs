@@ -1,17 +1,15 @@
 //! The walk through two trees: how values are compared, and what is kept of the differences.
 
-use super::{MOST_FOLLOWING, TermDifference, TermValue, TreeDifference};
+use super::{MOST_FOLLOWING, TermDifference, TreeDifference};
 use crate::explain::number::{Digits, Number};
 use crate::explain::patch::RadiosityTerms;
+use crate::explain::term::{Line, Term, TermValue, wide};
 use crate::math::Rgb;
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// What leads to both values of a term.
-pub(super) type Reasons = [Option<String>; 2];
-
-/// No reasons.
-pub(super) const UNKNOWN: Reasons = [None, None];
+/// The digits of numbers in reasons.
+const REASON_DIGITS: Digits = Digits::Significant(6);
 
 /// A walk through two trees in step.
 pub(super) struct Walk<'t> {
@@ -71,21 +69,20 @@ fn folded(all: Vec<TermDifference>) -> Vec<TermDifference> {
     folded.into_iter().map(whole).collect()
 }
 
-/// A number with the digits that identify the `f32`.
-pub(super) fn exact(v: f32) -> f64 {
-    v.to_string().parse().unwrap_or(v.into())
-}
-
-pub(super) fn wide(color: Rgb) -> DVec3 {
-    DVec3::from(color.to_array().map(f64::from))
-}
-
-pub(super) fn vector(v: [f32; 3]) -> TermValue {
-    TermValue::Numbers(v.map(exact).to_vec())
-}
-
-pub(super) fn word(word: &str) -> TermValue {
-    TermValue::Word(word.to_owned())
+/// Terms of one name. One that only the other tree has comes before the next common one.
+fn pairs<'l>([own, other]: [Vec<Term<'l>>; 2]) -> Vec<[Option<Term<'l>>; 2]> {
+    let names: BTreeSet<String> = own.iter().map(|term| term.name.to_string()).collect();
+    let mut others: Vec<Option<Term>> = other.into_iter().map(Some).collect();
+    let mut pairs = Vec::new();
+    for term in own {
+        let partner = others.iter().position(|other| other.as_ref().is_some_and(|other| other.name == term.name));
+        let is_alone = |other: &Option<Term>| other.as_ref().is_some_and(|other| !names.contains(&*other.name));
+        let before = others[..partner.unwrap_or(0)].iter_mut().filter(|other| is_alone(other));
+        pairs.extend(before.map(|other| [None, other.take()]));
+        pairs.push([Some(term), partner.and_then(|index| others[index].take())]);
+    }
+    pairs.extend(others.into_iter().flatten().map(|other| [None, Some(other)]));
+    pairs
 }
 
 impl<'t> Walk<'t> {
@@ -128,84 +125,44 @@ impl<'t> Walk<'t> {
         }
     }
 
-    fn difference(
-        &self,
-        term: &str,
-        equation: Option<&'static str>,
-        values: [TermValue; 2],
-        reasons: Reasons,
-    ) -> TermDifference {
-        TermDifference { place: self.place.clone(), term: term.to_owned(), equation, values, reasons, change: None }
+    /// Compares the terms of two nodes by their names, in their order. Summands come after all other terms.
+    pub(super) fn lines<'l>(&mut self, lines: [impl IntoIterator<Item = Line<'l>>; 2]) {
+        let is_compared = |term: &Term| self.is_one_ray || !term.is_of_ray;
+        let terms = lines.map(|lines| lines.into_iter().flat_map(Line::terms).filter(is_compared).collect());
+        let is_summand = |pair: &[Option<Term>; 2]| pair.iter().flatten().any(|term| term.amount.is_some());
+        let (summands, others): (Vec<_>, Vec<_>) = pairs(terms).into_iter().partition(is_summand);
+        others.into_iter().chain(summands).for_each(|pair| self.pair(pair));
     }
 
-    /// Compares a term.
-    pub(super) fn term(
-        &mut self,
-        term: &str,
-        equation: Option<&'static str>,
-        values: [TermValue; 2],
-        reasons: impl FnOnce() -> Reasons,
-    ) {
-        if self.first.is_some() {
+    /// Compares a term of both trees.
+    pub(super) fn pair(&mut self, pair: [Option<Term>; 2]) {
+        let both = pair.each_ref().map(Option::as_ref);
+        let Some(either) = both[0].or(both[1]) else { return };
+        if either.amount.is_none() && self.first.is_some() {
             return;
         }
-        if self.is_same([&values[0], &values[1]]) {
-            self.equal_terms += 1;
-            return;
-        }
-        self.first = Some(self.difference(term, equation, values, reasons()));
-    }
-
-    pub(super) fn number(&mut self, term: &str, equation: Option<&'static str>, values: [f64; 2]) {
-        self.term(term, equation, values.map(TermValue::Number), || UNKNOWN);
-    }
-
-    pub(super) fn numbers(&mut self, term: &str, equation: Option<&'static str>, values: [&[f64]; 2]) {
-        self.term(term, equation, values.map(|v| TermValue::Numbers(v.to_vec())), || UNKNOWN);
-    }
-
-    pub(super) fn words(&mut self, term: &str, values: [&str; 2]) {
-        self.term(term, None, values.map(word), || UNKNOWN);
-    }
-
-    /// Compares a colour that isn't a summand of its own.
-    pub(super) fn color(&mut self, term: &str, equation: Option<&'static str>, values: [Rgb; 2]) {
-        self.term(term, equation, values.map(|color| vector(color.to_array())), || UNKNOWN);
-    }
-
-    /// Compares a summand of the current ray's colour.
-    pub(super) fn summand(
-        &mut self,
-        term: &str,
-        equation: Option<&'static str>,
-        values: [Option<Rgb>; 2],
-        reasons: impl FnOnce() -> Reasons,
-    ) {
-        let [a, b] = values.map(|color| color.map_or(DVec3::ZERO, wide));
-        self.changed_summand(term, equation, values, b - a, reasons);
-    }
-
-    /// Compares a summand that changes the current ray's colour by `change`.
-    pub(super) fn changed_summand(
-        &mut self,
-        term: &str,
-        equation: Option<&'static str>,
-        values: [Option<Rgb>; 2],
-        change: DVec3,
-        reasons: impl FnOnce() -> Reasons,
-    ) {
-        let values = values.map(|color| color.map_or(TermValue::None, |color| vector(color.to_array())));
+        let values = both.map(|term| term.map_or(TermValue::None, |term| (&term.value).into()));
         if self.is_same([&values[0], &values[1]]) {
             self.equal_terms += usize::from(self.first.is_none());
             return;
         }
-        let change = Some((self.weight * change).as_vec3().to_array().into());
-        let difference = TermDifference { change, ..self.difference(term, equation, values, reasons()) };
+        let [a, b] = both.map(|term| term.and_then(|term| term.amount));
+        let change = a.or(b).map(|_| self.weight * (b.unwrap_or_default() - a.unwrap_or_default()));
+        let difference = TermDifference {
+            place: self.place.clone(),
+            term: either.name.to_string(),
+            equation: either.equation,
+            values,
+            reasons: both.map(|term| term?.reason.as_ref()?()?.text(REASON_DIGITS)),
+            change: change.map(|change| change.as_vec3().to_array().into()),
+        };
         // Of two rays, all summands differ a little. The largest one counts.
-        if self.first.is_none() && self.is_one_ray {
+        if self.first.is_none() && (change.is_none() || self.is_one_ray) {
             self.first = Some(difference.clone());
         }
-        self.summands.push(difference);
+        if change.is_some() {
+            self.summands.push(difference);
+        }
     }
 
     /// The difference with the colours of both pixels and their bytes.

@@ -2,7 +2,8 @@
 
 use super::{Arrival, PathRay, PathSample, PathStep, PathTree};
 use crate::explain::patch::RadiosityTerms;
-use crate::explain::text::write_equal;
+use crate::explain::term::{Line, line};
+use crate::explain::text::{drawn_lines, write_equal};
 use crate::explain::text_writer::{TextStyle, TextWriter, counted};
 use crate::explain::tree::Side;
 use crate::integrator::{Passage, PathChannel, PathEmitter, PathEnd};
@@ -37,10 +38,11 @@ impl PathTree {
             if style.is_full && chosen.is_none() || Some(index) == shown {
                 let nearest =
                     if chosen.is_none() && !style.is_full { ", the nearest to the pixel's colour" } else { "" };
-                let share = w.number((sample.weight / self.weights()) as f32);
+                let (count, share) = (self.samples.len(), (sample.weight / self.weights()) as f32);
                 writeln!(w);
-                writeln!(w, "path {} of {}, weight {share}{nearest}", sample.number, self.samples.len());
-                write_sample(&mut w, sample);
+                w.line("", &line!("path {} of {}, weight {}{}", sample.number, count, share, nearest));
+                let lines = sample.lines(w.levels);
+                w.lines("", lines);
             }
         }
         writeln!(w);
@@ -49,7 +51,7 @@ impl PathTree {
             writeln!(w, "pixel = weighted mean of {} paths", self.samples.len());
         }
         write_equal(&mut w, self.sum(), "rendered pixel    ", self.color);
-        self.developed.write(&mut w, self.color);
+        w.lines("", self.developed.lines(self.color));
         w.text
     }
 
@@ -70,7 +72,8 @@ impl PathTree {
             let percent = if total > 0.0 { 100.0 * sample.value() / total } else { 0.0 };
             let bounces = counted(sample.rays.last().map_or(0, |ray| ray.depth as usize), "vertex")
                 .replace("vertexs", "vertices");
-            writeln!(w, "path {}: {percent:.1} % of the light, {bounces}: {}", sample.number, w.rgb(sample.color));
+            let share = format!("{percent:.1} % of the light");
+            w.line("", &line!("path {}: {}, {}: {}", sample.number, share, bounces, sample.color));
         }
         if ranked.len() - black > MOST_LISTED {
             writeln!(w, "{} more", counted(ranked.len() - black - MOST_LISTED, "path"));
@@ -86,132 +89,109 @@ impl PathSample {
     }
 }
 
-fn write_sample(w: &mut TextWriter, sample: &PathSample) {
-    let [x, y] = sample.position.map(|v| w.number(v));
-    writeln!(w, "camera ray through x = {x}, y = {y}");
-    if let Some(time) = sample.time {
-        writeln!(w, "at time {} of 0 (shutter opens) to 1 (shutter closes)", w.number(time));
-    }
-    if let Some([right, up]) = sample.lens {
-        let [right, up] = [right, up].map(|v| w.number(v));
-        writeln!(w, "from the point of the lens {right} to the right of the eye and {up} above it");
-    }
-    let levels = w.levels;
-    for ray in sample.rays.iter().filter(|ray| ray.depth <= levels) {
-        write_ray(w, ray);
-    }
-    let more = sample.rays.iter().filter(|ray| ray.depth > levels).count();
-    if more > 0 {
-        writeln!(w, "{} more", counted(more, "ray"));
-    }
-    writeln!(w, "light of the path  {}", w.rgb(sample.color));
-}
-
-fn write_ray(w: &mut TextWriter, ray: &PathRay) {
-    let (origin, direction) = (w.vector(ray.origin), w.vector(ray.direction));
-    writeln!(w, "{}. from {origin} along {direction}, throughput {}", ray.depth, w.rgb(ray.throughput));
-    match &ray.arrival {
-        Arrival::Miss => writeln!(w, "   leaves the scene"),
-        Arrival::Medium { point } => writeln!(w, "   scattered in a medium at {}", w.vector(*point)),
-        Arrival::Surface(surface) => {
-            let side = match surface.side {
-                Side::Outside => "",
-                Side::Inside => ", from inside",
-            };
-            let (point, normal) = (w.vector(surface.point), w.vector(surface.normal));
-            writeln!(
-                w,
-                "   hits {} of material {} at {point}{side}, normal {normal}",
-                surface.object, surface.material
-            );
-        }
-    }
-    for step in &ray.steps {
-        write_step(w, step);
+impl PathSample {
+    /// The lines of the path, down to a vertex.
+    fn lines(&self, levels: u32) -> Vec<Line<'_>> {
+        let [x, y] = self.position;
+        let mut lines = vec![line!("camera ray through x = {}, y = {}", x, y)];
+        lines.extend(drawn_lines(self.time, self.lens));
+        lines.extend(self.rays.iter().filter(|ray| ray.depth <= levels).flat_map(PathRay::lines));
+        let more = self.rays.iter().filter(|ray| ray.depth > levels).count();
+        lines.push(line!("{} more", counted(more, "ray")).written_if(more > 0));
+        lines.push(line!("light of the path  {}", self.color));
+        lines
     }
 }
 
-fn write_step(w: &mut TextWriter, step: &PathStep) {
-    match step {
-        PathStep::Medium { distance, factor } => {
-            writeln!(w, "   medium: {} through it, throughput x {}", w.size(*distance), w.rgb(*factor));
-        }
-        PathStep::Dispersed { channel, factor } => {
-            let name = match channel {
-                PathChannel::Red => "red",
-                PathChannel::Green => "green",
-                PathChannel::Blue => "blue",
-            };
-            writeln!(w, "   dispersion: goes on for {name} only, throughput x {}", w.rgb(*factor));
-        }
-        PathStep::Found { emitter, radiance, densities, weight, contribution } => {
-            let name = match emitter {
-                PathEmitter::Surface => "emission",
-                PathEmitter::Environment => "environment",
-                PathEmitter::Background => "background",
-            };
-            let weighted = match densities {
-                None => String::new(),
-                Some(d) => format!(
-                    ", weight {} of densities {} by scattering and {} by sampling lights",
-                    w.number(*weight),
-                    w.number(d.scattering),
-                    w.number(d.source)
-                ),
-            };
-            writeln!(w, "   {name} {}{weighted}", w.rgb(*radiance));
-            write_contribution(w, *contribution);
-        }
-        PathStep::LeftOut(emitter) => {
-            let seen = if *emitter == PathEmitter::Surface { "the light" } else { "the sun's disk" };
-            writeln!(w, "   {seen} adds nothing: its light comes by shadow rays");
-        }
-        PathStep::Passed(Passage::Coverage) => writeln!(w, "   goes straight on: part of the surface is missing"),
-        PathStep::Passed(Passage::IndexMatched) => writeln!(w, "   goes straight on: no refraction, no mirror"),
-        PathStep::Overlay { color, share, contribution } => {
-            writeln!(w, "   overlay {} with a share of {}", w.rgb(*color), w.number(*share));
-            write_contribution(w, *contribution);
-        }
-        PathStep::Sampled(node) => {
-            let place = match node.distance {
-                Some(distance) => format!("at distance {}", w.size(distance)),
-                None => "infinitely far".into(),
-            };
-            writeln!(w, "   light {} sampled, {place}, along {}", node.source, w.vector(node.direction));
-            let weight = match node.scattering_pdf {
-                None => String::new(),
-                Some(pdf) => {
-                    format!(", weight {} beside density {} by scattering", w.number(node.weight), w.number(pdf))
-                }
-            };
-            let (f, radiance, pdf) = (w.rgb(node.f), w.rgb(node.radiance), w.number(node.pdf));
-            writeln!(w, "     f cos {f} x radiance {radiance} / density {pdf}{weight}");
-            if node.visible == Rgb::BLACK {
-                writeln!(w, "     hidden");
-            } else {
-                if node.visible != Rgb::WHITE {
-                    writeln!(w, "     passes {}", w.rgb(node.visible));
-                }
-                write_contribution(w, node.contribution);
+impl PathRay {
+    fn lines(&self) -> Vec<Line<'_>> {
+        let PathRay { depth, origin, direction, throughput, .. } = *self;
+        let arrival = match &self.arrival {
+            Arrival::Miss => line!("   leaves the scene"),
+            Arrival::Medium { point } => line!("   scattered in a medium at {}", *point),
+            Arrival::Surface(surface) => {
+                let side = if surface.side == Side::Inside { ", from inside" } else { "" };
+                let start = line!("   hits {} of material {}", &surface.object, &surface.material);
+                start.and(line!(" at {}{}, normal {}", surface.point, side, surface.normal))
             }
-        }
-        PathStep::Scattered { lobe, is_guided, direction, f, pdf, is_delta, throughput } => {
-            let density = if *is_delta { "probability" } else { "density" };
-            let (f, pdf, direction) = (w.rgb(*f), w.number(*pdf), w.vector(*direction));
-            let way = if *is_guided { "guided" } else { name_of_lobe(*lobe) };
-            writeln!(w, "   goes on: {way} along {direction}, f cos {f} / {density} {pdf}");
-            writeln!(w, "     throughput {}", w.rgb(*throughput));
-        }
-        PathStep::Roulette { survival, survived } => {
-            let outcome = if *survived { "survives" } else { "doesn't survive" };
-            writeln!(w, "   roulette: {outcome} with probability {}", w.number(*survival));
-        }
-        PathStep::End(end) => writeln!(w, "   ends: {}", name_of_end(*end)),
+        };
+        let start = line!("{}. from {} along {}, throughput {}", depth, origin, direction, throughput);
+        [start, arrival].into_iter().chain(self.steps.iter().flat_map(PathStep::lines)).collect()
     }
 }
 
-fn write_contribution(w: &mut TextWriter, contribution: Rgb) {
-    writeln!(w, "     adds {}", w.rgb(contribution));
+impl PathStep {
+    fn lines(&self) -> Vec<Line<'_>> {
+        let adds = |contribution: Rgb| line!("     adds {}", contribution);
+        match *self {
+            PathStep::Medium { distance, factor } => {
+                vec![line!("   medium: {} through it, throughput x {}", distance as f32, factor)]
+            }
+            PathStep::Dispersed { channel, factor } => {
+                let name = match channel {
+                    PathChannel::Red => "red",
+                    PathChannel::Green => "green",
+                    PathChannel::Blue => "blue",
+                };
+                vec![line!("   dispersion: goes on for {} only, throughput x {}", name, factor)]
+            }
+            PathStep::Found { emitter, radiance, densities, weight, contribution } => {
+                let name = match emitter {
+                    PathEmitter::Surface => "emission",
+                    PathEmitter::Environment => "environment",
+                    PathEmitter::Background => "background",
+                };
+                let weighted = densities.map_or(line!(""), |d| {
+                    let densities =
+                        line!("densities {} by scattering and {} by sampling lights", d.scattering, d.source);
+                    line!(", weight {} of ", weight).and(densities)
+                });
+                vec![line!("   {} {}", name, radiance).and(weighted), adds(contribution)]
+            }
+            PathStep::LeftOut(emitter) => {
+                let seen = if emitter == PathEmitter::Surface { "the light" } else { "the sun's disk" };
+                vec![line!("   {} adds nothing: its light comes by shadow rays", seen)]
+            }
+            PathStep::Passed(Passage::Coverage) => {
+                vec![line!("   goes straight on: part of the surface is missing")]
+            }
+            PathStep::Passed(Passage::IndexMatched) => vec![line!("   goes straight on: no refraction, no mirror")],
+            PathStep::Overlay { color, share, contribution } => {
+                vec![line!("   overlay {} with a share of {}", color, share), adds(contribution)]
+            }
+            PathStep::Sampled(ref node) => {
+                let place = match node.distance {
+                    Some(distance) => line!("at distance {}", distance as f32),
+                    None => line!("infinitely far"),
+                };
+                let weight = node
+                    .scattering_pdf
+                    .map_or(line!(""), |pdf| line!(", weight {} beside density {} by scattering", node.weight, pdf));
+                let (is_hidden, is_whole) = (node.visible == Rgb::BLACK, node.visible == Rgb::WHITE);
+                let start = line!("   light {} sampled, ", &node.source).and(place);
+                vec![
+                    start.and(line!(", along {}", node.direction)),
+                    line!("     f cos {} x radiance {} / density {}", node.f, node.radiance, node.pdf).and(weight),
+                    line!("     hidden").written_if(is_hidden),
+                    line!("     passes {}", node.visible).written_if(!is_hidden && !is_whole),
+                    adds(node.contribution).written_if(!is_hidden),
+                ]
+            }
+            PathStep::Scattered { lobe, is_guided, direction, f, pdf, is_delta, throughput } => {
+                let density = if is_delta { "probability" } else { "density" };
+                let way = if is_guided { "guided" } else { name_of_lobe(lobe) };
+                vec![
+                    line!("   goes on: {} along {}, f cos {} / {} {}", way, direction, f, density, pdf),
+                    line!("     throughput {}", throughput),
+                ]
+            }
+            PathStep::Roulette { survival, survived } => {
+                let outcome = if survived { "survives" } else { "doesn't survive" };
+                vec![line!("   roulette: {} with probability {}", outcome, survival)]
+            }
+            PathStep::End(end) => vec![line!("   ends: {}", name_of_end(end))],
+        }
+    }
 }
 
 pub(super) fn name_of_lobe(lobe: Lobe) -> &'static str {
