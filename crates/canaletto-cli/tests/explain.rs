@@ -701,7 +701,6 @@ fn paths_are_chosen_and_add_up() {
     for (arguments, problem) in [
         ("paths.kdl -p 12,20 --sample 33", "32 samples"),
         ("paths.kdl -p 12,20 --steps", "--integrator whitted"),
-        ("paths.kdl -p 12,20 --diff-pixel 1,1", "--integrator whitted"),
         ("paths.kdl --ray 0,1,6,0,0,-1", "--integrator whitted"),
         ("paths.kdl -p 12,20 --integrator whitted --brightest", "--integrator path"),
     ] {

@@ -109,6 +109,11 @@ fn planted_differences_of_other_scenes_are_found() {
     check(&lit, ("light", "camera ray > block > bulb", "intensity of the light", ""));
     let raster = found(&["raster.kdl", "--diff-set", "light.bulb.position=0.2 0.5 0.6"]);
     check(&raster, ("z-buffer", "camera ray > block > bulb", "L", "the light is at (0.2, 0.5, 0.6)"));
+    // Paths have the same vertices while the light changes.
+    let path = ["room.kdl", "--integrator", "path", "--samples", "2", "--diff-set", "light.bulb.intensity=1"];
+    check(&found(&path), ("path", "sample 1 > camera ray to vertex 1", "radiance", ""));
+    let path = ["room.kdl", "--integrator", "path", "--samples", "2", "--diff", "empty.kdl"];
+    check(&found(&path), ("path", "sample 1 > camera ray to vertex 1", "object", ""));
     // The light of a patch comes from its sources.
     let radiosity = found(&["balance.kdl", "--diff-set", "light.bulb.intensity=1"]);
     let (first, place) = (&radiosity["first"], radiosity["first"]["place"].to_string());

@@ -82,7 +82,8 @@ pub(super) fn explain_difference(flags: &ExplainFlags) -> Result<Exit, Failure> 
     let difference = match (&a, &b) {
         (Explained::Pixel(a), Explained::Pixel(b)) => a.difference(b, flags.digits),
         (Explained::Ray(a), Explained::Ray(b)) => a.difference(b, flags.digits),
-        _ => return Err(Failure::new(Exit::Failed, "a pixel can't be compared with a ray")),
+        (Explained::Paths(a), Explained::Paths(b)) => a.tree.difference(&b.tree, flags.digits),
+        _ => return Err(Failure::new(Exit::Failed, "rays can't be compared with paths")),
     };
     let compared = [flags, &other].map(Compared::new);
     if flags.json {

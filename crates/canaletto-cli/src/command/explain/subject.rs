@@ -33,7 +33,7 @@ pub(super) enum Explained {
 #[derive(Serialize)]
 pub(super) struct ChosenPath {
     #[serde(flatten)]
-    tree: PathTree,
+    pub(super) tree: PathTree,
     /// The index of its sample, if the flags choose one.
     #[serde(skip)]
     chosen: Option<usize>,
@@ -200,10 +200,10 @@ impl<'a> Subject<'a> {
     fn refuse_flags_of_other_integrators(&self, traces_paths: bool) -> Result<(), Failure> {
         let ExplainFlags { sample, brightest, ray, steps, .. } = self.flags;
         let (given, needs) = if traces_paths {
-            let given = [("--ray", ray.is_some()), ("--steps", *steps), ("--diff", self.flags.is_difference())];
+            let given = [("--ray", ray.is_some()), ("--steps", *steps)];
             (given, "explains a tree of rays; add --integrator whitted")
         } else {
-            let given = [("--sample", sample.is_some()), ("--brightest", *brightest), ("", false)];
+            let given = [("--sample", sample.is_some()), ("--brightest", *brightest)];
             (given, "chooses one of a pixel's paths; add --integrator path")
         };
         match given.iter().find(|(_, is_given)| *is_given) {

@@ -2,6 +2,7 @@
 //! light's terms, child rays, patches, tone and bytes.
 
 mod light;
+mod path;
 mod ray;
 mod text;
 mod walk;

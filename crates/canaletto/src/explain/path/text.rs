@@ -2,7 +2,7 @@
 
 use super::{Arrival, PathRay, PathSample, PathStep, PathTree};
 use crate::explain::patch::RadiosityTerms;
-use crate::explain::term::{Line, line};
+use crate::explain::term::{Line, Term, line, of_ray, summand};
 use crate::explain::text::{drawn_lines, write_equal};
 use crate::explain::text_writer::{TextStyle, TextWriter, counted};
 use crate::explain::tree::Side;
@@ -92,40 +92,50 @@ impl PathSample {
 impl PathSample {
     /// The lines of the path, down to a vertex.
     fn lines(&self, levels: u32) -> Vec<Line<'_>> {
-        let [x, y] = self.position;
-        let mut lines = vec![line!("camera ray through x = {}, y = {}", x, y)];
-        lines.extend(drawn_lines(self.time, self.lens));
+        let mut lines = self.start_lines();
         lines.extend(self.rays.iter().filter(|ray| ray.depth <= levels).flat_map(PathRay::lines));
         let more = self.rays.iter().filter(|ray| ray.depth > levels).count();
         lines.push(line!("{} more", counted(more, "ray")).written_if(more > 0));
         lines.push(line!("light of the path  {}", self.color));
         lines
     }
+
+    /// The terms of the camera ray's start.
+    pub(in crate::explain) fn start_lines<'t>(&self) -> Vec<Line<'t>> {
+        let [x, y] = self.position;
+        let mut lines = vec![
+            line!("{place in the picture:5.10}{weight}", self.position, self.weight).written_if(false),
+            line!("camera ray through x = {}, y = {}", x, y),
+        ];
+        lines.extend(drawn_lines(self.time, self.lens));
+        lines.into_iter().map(Line::of_ray).collect()
+    }
 }
 
 impl PathRay {
-    fn lines(&self) -> Vec<Line<'_>> {
+    pub(in crate::explain) fn lines(&self) -> Vec<Line<'_>> {
         let PathRay { depth, origin, direction, throughput, .. } = *self;
         let arrival = match &self.arrival {
-            Arrival::Miss => line!("   leaves the scene"),
-            Arrival::Medium { point } => line!("   scattered in a medium at {}", *point),
+            Arrival::Miss => line!("   {object}", "leaves the scene"),
+            Arrival::Medium { point } => line!("   {object} at {p}", "scattered in a medium", of_ray(*point)),
             Arrival::Surface(surface) => {
                 let side = if surface.side == Side::Inside { ", from inside" } else { "" };
-                let start = line!("   hits {} of material {}", &surface.object, &surface.material);
-                start.and(line!(" at {}{}, normal {}", surface.point, side, surface.normal))
+                let start = line!("   hits {object} of material {material}", &surface.object, &surface.material);
+                start.and(line!(" at {p}{}, normal {n}", surface.point, side, surface.normal).of_ray())
             }
         };
-        let start = line!("{}. from {} along {}, throughput {}", depth, origin, direction, throughput);
+        let start =
+            line!("{}. from {o} along {d}, throughput {throughput}", depth, origin, direction, throughput).of_ray();
         [start, arrival].into_iter().chain(self.steps.iter().flat_map(PathStep::lines)).collect()
     }
 }
 
 impl PathStep {
     fn lines(&self) -> Vec<Line<'_>> {
-        let adds = |contribution: Rgb| line!("     adds {}", contribution);
-        match *self {
+        let adds = |name: String, light| line!("     adds {}", summand(light).named(name));
+        let lines = match *self {
             PathStep::Medium { distance, factor } => {
-                vec![line!("   medium: {} through it, throughput x {}", distance as f32, factor)]
+                vec![line!("   medium: {distance in the medium} through it, throughput x {}", distance as f32, factor)]
             }
             PathStep::Dispersed { channel, factor } => {
                 let name = match channel {
@@ -133,7 +143,7 @@ impl PathStep {
                     PathChannel::Green => "green",
                     PathChannel::Blue => "blue",
                 };
-                vec![line!("   dispersion: goes on for {} only, throughput x {}", name, factor)]
+                vec![line!("   dispersion: goes on for {dispersion} only, throughput x {}", name, factor)]
             }
             PathStep::Found { emitter, radiance, densities, weight, contribution } => {
                 let name = match emitter {
@@ -142,11 +152,14 @@ impl PathStep {
                     PathEmitter::Background => "background",
                 };
                 let weighted = densities.map_or(line!(""), |d| {
-                    let densities =
-                        line!("densities {} by scattering and {} by sampling lights", d.scattering, d.source);
-                    line!(", weight {} of ", weight).and(densities)
+                    let start = line!(", weight {weight} of densities {density by scattering}", weight, d.scattering);
+                    start.and(line!(" by scattering and {density by sampling} by sampling lights", d.source))
                 });
-                vec![line!("   {} {}", name, radiance).and(weighted), adds(contribution)]
+                let radiance = Term::from(radiance).named(name);
+                vec![
+                    line!("   {} {}", name, radiance).and(weighted),
+                    adds(format!("light of the {name}"), contribution),
+                ]
             }
             PathStep::LeftOut(emitter) => {
                 let seen = if emitter == PathEmitter::Surface { "the light" } else { "the sun's disk" };
@@ -157,40 +170,44 @@ impl PathStep {
             }
             PathStep::Passed(Passage::IndexMatched) => vec![line!("   goes straight on: no refraction, no mirror")],
             PathStep::Overlay { color, share, contribution } => {
-                vec![line!("   overlay {} with a share of {}", color, share), adds(contribution)]
+                let overlay = line!("   overlay {overlay} with a share of {share of the overlay}", color, share);
+                vec![overlay, adds("light of the overlay".into(), contribution)]
             }
             PathStep::Sampled(ref node) => {
                 let place = match node.distance {
-                    Some(distance) => line!("at distance {}", distance as f32),
+                    Some(distance) => line!("at distance {distance}", distance as f32),
                     None => line!("infinitely far"),
                 };
-                let weight = node
-                    .scattering_pdf
-                    .map_or(line!(""), |pdf| line!(", weight {} beside density {} by scattering", node.weight, pdf));
+                let weight = node.scattering_pdf.map_or(line!(""), |pdf| {
+                    line!(", weight {weight} beside density {density by scattering} by scattering", node.weight, pdf)
+                });
                 let (is_hidden, is_whole) = (node.visible == Rgb::BLACK, node.visible == Rgb::WHITE);
-                let start = line!("   light {} sampled, ", &node.source).and(place);
+                let start = line!("   light {sampled light} sampled, ", &node.source).and(place);
+                let product = line!("     f cos {f cos} x radiance {radiance}", node.f, node.radiance);
                 vec![
-                    start.and(line!(", along {}", node.direction)),
-                    line!("     f cos {} x radiance {} / density {}", node.f, node.radiance, node.pdf).and(weight),
+                    start.and(line!(", along {L}", node.direction)),
+                    product.and(line!(" / density {density}", node.pdf)).and(weight),
                     line!("     hidden").written_if(is_hidden),
-                    line!("     passes {}", node.visible).written_if(!is_hidden && !is_whole),
-                    adds(node.contribution).written_if(!is_hidden),
+                    line!("     passes {share that passes}", node.visible).written_if(!is_hidden && !is_whole),
+                    adds(format!("light of {}", node.source), node.contribution).written_if(!is_hidden),
                 ]
             }
             PathStep::Scattered { lobe, is_guided, direction, f, pdf, is_delta, throughput } => {
                 let density = if is_delta { "probability" } else { "density" };
                 let way = if is_guided { "guided" } else { name_of_lobe(lobe) };
+                let start = line!("   goes on: {scattering} along {direction}", way, direction);
                 vec![
-                    line!("   goes on: {} along {}, f cos {} / {} {}", way, direction, f, density, pdf),
+                    start.and(line!(", f cos {f cos} / {} {density of the direction}", f, density, pdf)),
                     line!("     throughput {}", throughput),
                 ]
             }
             PathStep::Roulette { survival, survived } => {
                 let outcome = if survived { "survives" } else { "doesn't survive" };
-                vec![line!("   roulette: {} with probability {}", outcome, survival)]
+                vec![line!("   roulette: {roulette} with probability {probability}", outcome, survival)]
             }
-            PathStep::End(end) => vec![line!("   ends: {}", name_of_end(end))],
-        }
+            PathStep::End(end) => vec![line!("   ends: {end}", name_of_end(end))],
+        };
+        lines.into_iter().map(Line::of_ray).collect()
     }
 }
 
