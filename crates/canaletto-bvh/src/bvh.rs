@@ -24,7 +24,7 @@ impl Bvh {
     /// [`BuildError`] names the first box that is not finite or is empty, or reports that there are too many boxes.
     pub fn build(bounds: &[Aabb]) -> Result<Self, BuildError> {
         with_stack(build::STACK, || {
-            let refs = PrimRefs::new(bounds.len(), |i| bounds[i])?;
+            let refs = PrimRefs::new(bounds.len(), &|i| bounds[i])?;
             let Built { nodes, order, bounds, .. } = build::build(refs, 1, Quality::Medium);
             Ok(Self { nodes: collapse(&nodes), order, bounds })
         })?
@@ -116,7 +116,7 @@ impl Bvh {
     ///
     /// # Panics
     /// If there is no box for a slot.
-    pub fn filter(&self, rays: &mut RayFilter, slot_bounds: &[Aabb], visit: impl FnMut(u32, &[u32], &mut RayEnds)) {
+    pub fn filter(&self, rays: &mut RayFilter, slot_bounds: &[Aabb], visit: &mut dyn FnMut(u32, &[u32], &mut RayEnds)) {
         rays.traverse(&self.nodes, slot_bounds, visit);
     }
 
@@ -137,7 +137,7 @@ impl Bvh {
     }
 
     /// Refits the boxes to leaves that moved. `leaf` returns the box of the leaf with this first slot or block number.
-    pub(crate) fn refit(&mut self, leaf: impl Fn(u32) -> Aabb + Sync) {
+    pub(crate) fn refit(&mut self, leaf: &(dyn Fn(u32) -> Aabb + Sync)) {
         self.bounds = refit::refit(&mut self.nodes, leaf);
     }
 

@@ -38,6 +38,7 @@
 //! | `BVHNIntersectorKHybrid`, packets | `traverse::packet` | `traverse/packet/` |
 //! | stream filtering (no counterpart) | [`RayFilter`] | `traverse/filter.rs` |
 //! | `RTCHit` | [`PrimitiveHit`] | `hit.rs` |
+//! | filter functions | [`FilterFunction`] | `primitive/primitive4.rs` |
 //! | `rtcOccluded1` | [`TriangleBvh::occluded`] | `triangle_bvh.rs` |
 //! | ISA selection | [`InstructionSet`], `simd::dispatch` | `instruction_set.rs`, `simd/dispatch.rs` |
 //!
@@ -109,7 +110,7 @@
 //! ```
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 #![deny(missing_docs)]
-// The workspace denies `unsafe`. In this crate alone modules allow it, for SIMD kernels and memory in large pages.
+// The workspace denies `unsafe`. In this crate modules allow it, for SIMD kernels and memory in large pages.
 
 mod aabb;
 mod build;
@@ -141,7 +142,7 @@ pub use hit::PrimitiveHit;
 pub use instruction_set::{InstructionSet, Kernel};
 pub use min_max::{max, min};
 pub use node::Leaf;
-pub use primitive::primitive4::{Primitive, UserIntersect, UserPrimitive};
+pub use primitive::primitive4::{FilterFunction, Primitive, UserIntersect, UserPrimitive};
 pub use primitive::{sphere, triangle};
 pub use primitive_bvh::PrimitiveBvh;
 pub use ray::{InflatedRay, PreparedRay, Ray};

@@ -5,7 +5,7 @@
 //! small pages takes longer than reading the file.
 
 use bytemuck::Zeroable;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::fmt;

@@ -125,7 +125,7 @@ fn triangles_and_nonsense() {
                     for found in [&single[i], &stream[i], &packets[i]] {
                         assert_eq!(bits(found), bits(&all[i]), "{what}");
                     }
-                    assert_eq!(tree.occluded(&ray.prepare(), ends[i], false, |_| true).is_some(), hit, "{what}");
+                    assert_eq!(tree.occluded(&ray.prepare(), ends[i], false, &mut |_| true).is_some(), hit, "{what}");
                     for ended in [any_stream[i], any_packets[i]] {
                         assert_eq!(ended == f32::NEG_INFINITY, hit || ends[i] == f32::NEG_INFINITY, "{what}");
                     }
@@ -232,12 +232,12 @@ fn rounds_and_nonsense() {
                 if tree.is_few() {
                     tree.intersect_few(ray, &mut few, &exact);
                     assert_eq!(format!("{few:?}"), format!("{all:?}"), "{what}");
-                    assert_eq!(tree.occluded_few(ray, ends[i], &exact, |_| true).is_some(), hit, "{what}");
+                    assert_eq!(tree.occluded_few(ray, ends[i], &exact, &mut |_| true).is_some(), hit, "{what}");
                 }
                 for found in [&single, &stream[i], &packets[i]] {
                     assert_eq!(format!("{found:?}"), format!("{all:?}"), "{what}");
                 }
-                assert_eq!(tree.occluded(prepared, ends[i], &exact, |_| true).is_some(), hit, "{what}");
+                assert_eq!(tree.occluded(prepared, ends[i], &exact, &mut |_| true).is_some(), hit, "{what}");
                 for ended in [any_stream[i], any_packets[i]] {
                     assert_eq!(ended == f32::NEG_INFINITY, hit || ends[i] == f32::NEG_INFINITY, "{what}");
                 }

@@ -6,12 +6,12 @@ mod leaves;
 use crate::build::STACK;
 use crate::memory::in_large_pages;
 use crate::primitive::cull::{LANES, UnitRay};
-use crate::primitive::primitive4::{Primitive, Primitive4, UserIntersect};
+use crate::primitive::primitive4::{FilterFunction, Primitive, Primitive4, UserIntersect};
 use crate::traverse::packet::primitives::PrimitiveScene;
 use crate::traverse::packet::{self, Packet, PacketQuery};
 use crate::{Aabb, BuildError, Bvh, PreparedRay, PrimitiveHit, Quality, Ray, Statistics, with_stack};
+use canaletto_parallel::prelude::*;
 use leaves::{AnyHitOfRay, AnyHitOfStream, ClosestOfRay, ClosestOfStream, any, closest};
-use rayon::prelude::*;
 use std::borrow::Borrow;
 
 /// A tree over spheres, cylinders and user primitives. The id of a primitive is its index in the list that the tree was
@@ -30,6 +30,11 @@ impl PrimitiveBvh {
     /// # Errors
     /// [`BuildError`] names the first box that is not finite or is empty, or reports that there are too many boxes.
     pub fn build(bounds: &[Aabb], primitive: impl Fn(u32) -> Primitive + Sync) -> Result<Self, BuildError> {
+        Self::build_over(bounds, &primitive)
+    }
+
+    /// [`PrimitiveBvh::build`], compiled once for all functions of primitives.
+    fn build_over(bounds: &[Aabb], primitive: &(dyn Fn(u32) -> Primitive + Sync)) -> Result<Self, BuildError> {
         with_stack(STACK, || {
             let (bvh, leaves) = Bvh::build_blocks(bounds.len(), |id| bounds[id], Quality::Medium)?;
             let mut blocks = in_large_pages(leaves.len());
@@ -69,7 +74,7 @@ impl PrimitiveBvh {
     /// finds the one of the lowest id. A primitive as near as `nearest.t` must also have an id below `nearest.id`.
     /// `nearest` is unchanged if there is no such primitive.
     #[inline]
-    pub fn intersect(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
+    pub fn intersect(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &UserIntersect) {
         if self.is_few() {
             return self.intersect_all(&ray.ray, || ray, nearest, user);
         }
@@ -89,7 +94,7 @@ impl PrimitiveBvh {
     /// [`PrimitiveBvh::intersect`] without the tree, best where the primitives [are few](PrimitiveBvh::is_few). Rays
     /// that miss all primitives need not be prepared.
     #[inline]
-    pub fn intersect_few(&self, ray: &Ray, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
+    pub fn intersect_few(&self, ray: &Ray, nearest: &mut PrimitiveHit, user: &UserIntersect) {
         self.intersect_all(ray, || ray.prepare(), nearest, user);
     }
 
@@ -99,7 +104,7 @@ impl PrimitiveBvh {
         ray: &Ray,
         prepared: impl Fn() -> R,
         nearest: &mut PrimitiveHit,
-        user: &impl UserIntersect,
+        user: &UserIntersect,
     ) {
         let unit_ray = UnitRay::new(ray);
         for block in &self.blocks {
@@ -116,8 +121,8 @@ impl PrimitiveBvh {
         &self,
         ray: &Ray,
         t_max: f32,
-        user: &impl UserIntersect,
-        counts: impl FnMut(u32) -> bool,
+        user: &UserIntersect,
+        counts: &mut FilterFunction,
     ) -> Option<u32> {
         self.occluded_all(ray, || ray.prepare(), t_max, user, counts)
     }
@@ -128,8 +133,8 @@ impl PrimitiveBvh {
         ray: &Ray,
         prepared: impl Fn() -> R,
         t_max: f32,
-        user: &impl UserIntersect,
-        mut counts: impl FnMut(u32) -> bool,
+        user: &UserIntersect,
+        counts: &mut FilterFunction,
     ) -> Option<u32> {
         let unit_ray = UnitRay::new(ray);
         self.blocks.iter().enumerate().find_map(|(index, block)| {
@@ -137,7 +142,7 @@ impl PrimitiveBvh {
             if candidates == (0, 0) {
                 return None;
             }
-            let lane = any(block, candidates, prepared().borrow(), t_max, user, &mut counts)?;
+            let lane = any(block, candidates, prepared().borrow(), t_max, user, counts)?;
             Some((index * LANES) as u32 + lane)
         })
     }
@@ -146,7 +151,7 @@ impl PrimitiveBvh {
     ///
     /// # Panics
     /// If `rays` and `nearest` differ in length.
-    pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [PrimitiveHit], user: &impl UserIntersect) {
+    pub fn intersect_stream(&self, rays: &[PreparedRay], nearest: &mut [PrimitiveHit], user: &UserIntersect) {
         assert_eq!(rays.len(), nearest.len());
         let mut t_max: Vec<f32> = nearest.iter().map(|n| n.t).collect();
         let unit_ray: Vec<UnitRay> = rays.iter().map(|ray| UnitRay::new(&ray.ray)).collect();
@@ -160,11 +165,11 @@ impl PrimitiveBvh {
     ///
     /// # Panics
     /// If `rays` and `nearest` differ in length.
-    pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [PrimitiveHit], user: &impl UserIntersect) {
+    pub fn intersect_coherent(&self, rays: &[Ray], nearest: &mut [PrimitiveHit], user: &UserIntersect) {
         packet::coherent(&Coherent { bvh: self, user }, rays, nearest);
     }
 
-    fn field<'a, A: UserIntersect>(&'a self, user: &'a A) -> PrimitiveScene<'a, A> {
+    fn field<'a>(&'a self, user: &'a UserIntersect<'a>) -> PrimitiveScene<'a> {
         PrimitiveScene { nodes: self.bvh.nodes(), blocks: &self.blocks, user }
     }
 
@@ -172,7 +177,7 @@ impl PrimitiveBvh {
     ///
     /// # Panics
     /// If `rays` and `t_max` differ in length.
-    pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], user: &impl UserIntersect) {
+    pub fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32], user: &UserIntersect) {
         packet::coherent(&Coherent { bvh: self, user }, rays, t_max);
     }
 
@@ -183,8 +188,8 @@ impl PrimitiveBvh {
         &self,
         ray: &PreparedRay,
         t_max: f32,
-        user: &impl UserIntersect,
-        counts: impl FnMut(u32) -> bool,
+        user: &UserIntersect,
+        counts: &mut FilterFunction,
     ) -> Option<u32> {
         if self.is_few() {
             return self.occluded_all(&ray.ray, || ray, t_max, user, counts);
@@ -199,7 +204,7 @@ impl PrimitiveBvh {
     ///
     /// # Panics
     /// If `rays` and `t_max` differ in length.
-    pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], user: &impl UserIntersect) {
+    pub fn occluded_stream(&self, rays: &[PreparedRay], t_max: &mut [f32], user: &UserIntersect) {
         let unit_ray: Vec<UnitRay> = rays.iter().map(|ray| UnitRay::new(&ray.ray)).collect();
         self.bvh.trace_stream(rays, t_max, AnyHitOfStream { blocks: &self.blocks, unit_ray: &unit_ray, user });
     }
@@ -215,13 +220,13 @@ impl PrimitiveBvh {
 
     /// Whether the primitive at this place is hit at or before `t_max`.
     #[inline]
-    pub fn is_hit_at(&self, place: u32, ray: &PreparedRay, t_max: f32, user: &impl UserIntersect) -> bool {
+    pub fn is_hit_at(&self, place: u32, ray: &PreparedRay, t_max: f32, user: &UserIntersect) -> bool {
         let lane = place as usize % LANES;
         self.blocks[place as usize / LANES].intersect(lane, ray, t_max, user).is_some()
     }
 
     /// [`PrimitiveBvh::intersect`] by a loop over all primitives, without culling.
-    pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &impl UserIntersect) {
+    pub fn intersect_brute_force(&self, ray: &PreparedRay, nearest: &mut PrimitiveHit, user: &UserIntersect) {
         for block in &self.blocks {
             for lane in (0..LANES).filter(|&lane| block.ids[lane] != u32::MAX) {
                 block.accept_if_nearer(lane, ray, nearest, user);
@@ -231,13 +236,13 @@ impl PrimitiveBvh {
 }
 
 /// A query for coherent rays.
-struct Coherent<'a, A> {
+struct Coherent<'a> {
     bvh: &'a PrimitiveBvh,
-    user: &'a A,
+    user: &'a UserIntersect<'a>,
 }
 
 /// The closest-hit query.
-impl<A: UserIntersect> PacketQuery<PrimitiveHit> for Coherent<'_, A> {
+impl PacketQuery<PrimitiveHit> for Coherent<'_> {
     const RETRY: bool = false;
 
     fn trace_packet(&self, packet: &mut Packet, rays: &[Ray], nearest: &mut [PrimitiveHit]) -> u64 {
@@ -251,7 +256,7 @@ impl<A: UserIntersect> PacketQuery<PrimitiveHit> for Coherent<'_, A> {
 }
 
 /// The any-hit query. A hit sets `t_max` to −∞.
-impl<A: UserIntersect> PacketQuery<f32> for Coherent<'_, A> {
+impl PacketQuery<f32> for Coherent<'_> {
     const RETRY: bool = false;
 
     fn trace_packet(&self, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> u64 {
@@ -350,14 +355,14 @@ mod tests {
                         let mut found = PrimitiveHit::none(t_max);
                         tree.intersect(prepared, &mut found, &user);
                         assert_eq!(found, expected, "{name} {set:?} {ray:?}");
-                        let place = tree.occluded(prepared, t_max, &user, |_| true);
+                        let place = tree.occluded(prepared, t_max, &user, &mut |_| true);
                         assert_eq!(
                             place.is_some(),
                             expected.id != PrimitiveHit::NONE,
                             "{name} {set:?} {ray:?} {t_max}"
                         );
                         assert!(place.is_none_or(|place| tree.is_hit_at(place, prepared, t_max, &user)));
-                        let counted = tree.occluded(prepared, t_max, &user, |id| id == expected.id);
+                        let counted = tree.occluded(prepared, t_max, &user, &mut |id| id == expected.id);
                         assert_eq!(
                             counted.is_some(),
                             expected.id != PrimitiveHit::NONE,

@@ -15,21 +15,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// # Errors
 /// [`NoThreads`] if threads are needed and can't be started. Then `work` hasn't begun.
 pub fn with_stack<T: Send>(bytes: usize, work: impl FnOnce() -> T + Send) -> Result<T, NoThreads> {
+    let Some(pool) = pool_with_stack(bytes)? else { return Ok(work()) };
+    let (mut work, mut result) = (Some(work), None);
+    let run: &mut (dyn FnMut() + Send) = &mut || result = work.take().map(|work| work());
+    pool.install(run);
+    result.ok_or(NoThreads { stack: bytes })
+}
+
+/// A pool whose threads have this much stack; none if this thread and its pool have it.
+fn pool_with_stack(bytes: usize) -> Result<Option<rayon::ThreadPool>, NoThreads> {
     let refused = NoThreads { stack: bytes };
     let outside = rayon::current_thread_index().is_none();
     if outside && !has_global_pool() {
         return Err(refused);
     }
     if bytes_left() >= bytes && (!outside || rayon::join(bytes_left, || ()).0 >= bytes) {
-        return Ok(work());
+        return Ok(None);
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(rayon::current_num_threads())
         .stack_size(bytes.saturating_add(OVERHEAD));
-    match pool.build() {
-        Ok(pool) => Ok(pool.install(work)),
-        Err(_) => Err(refused),
-    }
+    pool.build().map(Some).map_err(|_| refused)
 }
 
 /// The system gives no threads with so much stack.

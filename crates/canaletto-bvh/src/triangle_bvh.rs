@@ -3,17 +3,19 @@
 mod leaves;
 mod refit;
 
-use crate::build::{PrimRefs, STACK, duplicates};
+use crate::build::{Corners, PrimRefs, STACK, duplicates};
 use crate::memory::in_large_pages;
 use crate::node::Node;
 use crate::primitive::edge_error::EdgeError;
 use crate::primitive::triangle4::{Search, Triangle4, TriangleScene};
 use crate::traverse::packet::{self, Packet, PacketQuery};
 use crate::triangle;
-use crate::{Aabb, BuildError, Bvh, Leaf, PreparedRay, PrimitiveHit, Quality, Ray, Statistics, with_stack};
+use crate::{
+    Aabb, BuildError, Bvh, FilterFunction, Leaf, PreparedRay, PrimitiveHit, Quality, Ray, Statistics, with_stack,
+};
+use canaletto_parallel::prelude::*;
 use glam::Vec3;
 use leaves::{AnyHitOfRay, AnyHitOfStream, ClosestOfRay, ClosestOfStream};
-use rayon::prelude::*;
 
 /// A tree over triangles. The id of a triangle is its index in the list that the tree was built from.
 #[derive(Clone, Debug)]
@@ -50,15 +52,15 @@ impl TriangleBvh {
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<Self, BuildError> {
-        with_stack(STACK, || Ok(Self::over(PrimRefs::of_triangles(count, &corners)?, quality, count, &corners)))?
+        Self::build_over(quality, count, &corners)
     }
 
-    pub(crate) fn over(
-        refs: PrimRefs<'_>,
-        quality: Quality,
-        count: usize,
-        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
-    ) -> Self {
+    /// [`TriangleBvh::build_with`], compiled once for all functions of corners.
+    fn build_over(quality: Quality, count: usize, corners: &Corners) -> Result<Self, BuildError> {
+        with_stack(STACK, || Ok(Self::over(PrimRefs::of_triangles(count, corners)?, quality, count, corners)))?
+    }
+
+    pub(crate) fn over(refs: PrimRefs<'_>, quality: Quality, count: usize, corners: &Corners) -> Self {
         let (bvh, leaves) = Bvh::over_blocks(refs, quality);
         let mut blocks = in_large_pages(leaves.len());
         (0..leaves.len())
@@ -167,10 +169,10 @@ impl TriangleBvh {
         ray: &PreparedRay,
         t_max: f32,
         front_only: bool,
-        mut counts: impl FnMut(u32) -> bool,
+        counts: &mut FilterFunction,
     ) -> Option<u32> {
         let mut place = None;
-        let counts = |id| counts(id) || duplicates::of(&self.duplicates, id).any(&mut counts);
+        let counts = &mut |id| counts(id) || duplicates::of(&self.duplicates, id).any(&mut *counts);
         let (scene, bound) = (self.scene(front_only), EdgeError::new(ray, &self.bounds()));
         self.bvh.any(ray, t_max, AnyHitOfRay { scene, ray, bound, t_max, counts, place: &mut place });
         place
@@ -342,7 +344,7 @@ mod tests {
                         let mut found = PrimitiveHit::none(t_max);
                         triangles.intersect(prepared, &mut found, false);
                         assert_eq!(found, expected, "{name} {set:?} {ray:?}");
-                        let place = triangles.occluded(prepared, t_max, false, |_| true);
+                        let place = triangles.occluded(prepared, t_max, false, &mut |_| true);
                         assert_eq!(place.is_some(), expected.id != PrimitiveHit::NONE, "{name} {set:?} {ray:?}");
                         assert!(place.is_none_or(|place| triangles.is_hit_at(place, prepared, t_max, false)));
                     }
@@ -454,7 +456,7 @@ mod tests {
             let mut t_max = vec![2.0; rays.len()];
             triangles.occluded_coherent(&rays, &mut t_max, false);
             for (ray, t_max) in rays.iter().zip(t_max) {
-                let single = triangles.occluded(&ray.prepare(), 2.0, false, |_| true).is_some();
+                let single = triangles.occluded(&ray.prepare(), 2.0, false, &mut |_| true).is_some();
                 assert_eq!(t_max == f32::NEG_INFINITY, single, "{name} {ray:?}");
             }
         }
@@ -480,14 +482,14 @@ mod tests {
             triangles.intersect(&ray, &mut found, false);
             assert_eq!((found.t, found.id), (1e-3, 0));
             let mut asked = Vec::new();
-            triangles.occluded(&ray, 1e-3, false, |id| {
+            triangles.occluded(&ray, 1e-3, false, &mut |id| {
                 asked.push(id);
                 false
             });
             asked.sort_unstable();
             let expected: Vec<u32> = (0..15_000).filter(|&id| id % 50 != 7).collect();
             assert_eq!(asked, expected);
-            assert!(triangles.occluded(&ray, 1e-3, false, |id| id == 14_999).is_some());
+            assert!(triangles.occluded(&ray, 1e-3, false, &mut |id| id == 14_999).is_some());
             // When the corners become different, all triangles can be hit.
             let mut parted = triangles.clone();
             parted.refit(|id| if id % 50 == 7 { corners(id) } else { one.map(|p| p - Vec3::Z * id as f32) }).unwrap();
@@ -538,7 +540,7 @@ mod tests {
                 let mut found = PrimitiveHit::none(f32::INFINITY);
                 triangles.intersect(&ray, &mut found, front_only);
                 assert_eq!(found.id, expected);
-                let place = triangles.occluded(&ray, f32::INFINITY, front_only, |_| true);
+                let place = triangles.occluded(&ray, f32::INFINITY, front_only, &mut |_| true);
                 assert_eq!(place.is_some(), expected != PrimitiveHit::NONE);
             }
         }

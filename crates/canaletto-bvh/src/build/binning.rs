@@ -1,7 +1,7 @@
 //! The binned surface area heuristic, which finds where to split.
 
+use canaletto_parallel::prelude::*;
 use glam::{Mat4, Vec4};
-use rayon::prelude::*;
 
 use super::bins::{BinSplit, Bins, Grid, MAX_BINS};
 use super::prim_ref::{Box8, Centers, PrimRef};

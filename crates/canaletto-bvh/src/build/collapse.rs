@@ -1,7 +1,7 @@
 //! Turns a binary tree into eight-wide nodes. Each subtree gets the lanes for which [`widen`](super::widen) found the
 //! least cost.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 use super::BinaryNode;
 use crate::memory::zeros;

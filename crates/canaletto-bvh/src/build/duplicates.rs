@@ -1,7 +1,7 @@
 //! Triangles with equal corners, of which only one is put into the tree. A ray that hits one of them hits all of them
 //! at one t, and a tie goes to the lowest id.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 use super::prim_ref::{Corners, PrimRef};
 use crate::Aabb;
@@ -22,8 +22,8 @@ pub(super) fn move_distinct_first(refs: &mut [PrimRef], corners: &Corners<'_>) -
         bits(prim).as_flattened().iter().fold(0, mix)
     };
     let mut sorted: Vec<(u64, u32, u32)> =
-        refs.par_iter().zip(0..refs.len() as u32).map(|(prim, place)| (hash(prim), prim.id(), place)).collect();
-    sorted.par_sort_unstable();
+        refs.par_iter().enumerate().map(|(place, prim)| (hash(prim), prim.id(), place as u32)).collect();
+    rayon::slice::ParallelSliceMut::par_sort_unstable(&mut *sorted);
     let mut duplicates = Vec::new();
     let mut kept = vec![true; refs.len()];
     for same in sorted.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {

@@ -38,8 +38,8 @@ use crate::node::{MAX_DEPTH, MAX_LEAF, MAX_PRIMITIVES};
 use crate::{Aabb, NoThreads};
 use binning::CostModel;
 use bins::{BinSplit, Bins};
-pub(crate) use prim_ref::PrimRefs;
-use prim_ref::{Box8, Centers, Corners, Extent, PrimRef};
+use prim_ref::{Box8, Centers, Extent, PrimRef};
+pub(crate) use prim_ref::{Corners, PrimRefs};
 use widen::{Costs, LaneSplit};
 
 /// The number of levels, beyond those that median splits need, that may lie above large sets of primitives.
@@ -391,7 +391,7 @@ mod tests {
     }
 
     fn build_boxes(bounds: &[Aabb]) -> (Vec<BinaryNode>, Vec<u32>) {
-        let built = build(PrimRefs::new(bounds.len(), |i| bounds[i]).unwrap(), 1, Quality::Medium);
+        let built = build(PrimRefs::new(bounds.len(), &|i| bounds[i]).unwrap(), 1, Quality::Medium);
         (built.nodes, built.order)
     }
 
@@ -492,7 +492,7 @@ mod tests {
                 })
                 .collect();
             assert!(check(&bounds) <= MAX_DEPTH);
-            let whole = PrimRefs::new(1, |_| Aabb { min: Vec3::splat(-size), max: Vec3::splat(size) }).unwrap();
+            let whole = PrimRefs::new(1, &|_| Aabb { min: Vec3::splat(-size), max: Vec3::splat(size) }).unwrap();
             let root = *whole.list[0].bounds();
             let area = root.half_area(root.scale());
             assert!(area.is_finite() && (area > 1.0 || power < -125), "2^{power}: {area}");

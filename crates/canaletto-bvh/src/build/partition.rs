@@ -2,7 +2,7 @@
 //! separately, then the references on the wrong side of the whole are swapped. The result does not depend on the number
 //! of threads.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 use super::CHUNK;
 use super::bins::BinSplit;

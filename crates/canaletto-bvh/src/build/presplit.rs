@@ -6,11 +6,11 @@
 //! proves what the boxes and the exact test must satisfy so that no hit is lost. Unlike the paper, only triangles that
 //! waste much more area than the average box has are split, and only into few parts.
 
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::BuildError;
-use super::prim_ref::{Extent, PrimRef, PrimRefs};
+use super::prim_ref::{Corners, Extent, PrimRef, PrimRefs};
 use crate::Aabb;
 use crate::node::MAX_PRIMITIVES;
 
@@ -39,10 +39,7 @@ impl SplitBudget {
 
 impl<'a> PrimRefs<'a> {
     /// The references of `count` triangles. Triangles that fill little of their boxes get several.
-    pub(crate) fn of_triangles(
-        count: usize,
-        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
-    ) -> Result<Self, BuildError> {
+    pub(crate) fn of_triangles(count: usize, corners: &'a Corners<'a>) -> Result<Self, BuildError> {
         let budget = SplitBudget::DEFAULT;
         let mut refs = Self::of_triangles_with_room(count, budget.room(count), corners)?;
         split(&mut refs, corners, budget);
@@ -62,7 +59,7 @@ const GRID_BITS: u32 = 30;
 const CHUNK: usize = 1 << 12;
 
 /// Replaces the references of wasteful triangles by several smaller references.
-pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Sync, budget: SplitBudget) {
+pub(super) fn split(all: &mut PrimRefs, corners: &Corners, budget: SplitBudget) {
     let refs = &mut all.list;
     let areas: Vec<f64> = refs.par_chunks(CHUNK).map(|refs| refs.iter().map(half_area).sum()).collect();
     let area = areas.iter().sum::<f64>();
@@ -80,7 +77,7 @@ pub(super) fn split(all: &mut PrimRefs, corners: impl Fn(u32) -> [Vec3; 3] + Syn
     }
     // Find the least unit of waste that keeps the sum of splits within the budget.
     let max_extra = budget.room(refs.len());
-    while long.par_iter().map(|&(_, waste)| splits(waste, waste_unit)).sum::<usize>() > max_extra {
+    while long.par_iter().map(|&(_, waste)| splits(waste, waste_unit)).sum() > max_extra {
         waste_unit *= 1.25;
     }
     let root = Extent::of(refs).bounds.aabb();
@@ -413,15 +410,15 @@ mod tests {
             for i in 0..rays.len() {
                 let found = [single[i], stream[i], packets[i]];
                 assert_eq!(found, [expected[i]; 3], "{name} {set:?} {:?}", rays[i]);
-                let single = triangles.occluded(&prepared[i], 2.0, false, |_| true).is_some();
+                let single = triangles.occluded(&prepared[i], 2.0, false, &mut |_| true).is_some();
                 assert_eq!([single, any_stream[i], any_packets[i]], [blocked[i]; 3], "{name} {set:?} {:?}", rays[i]);
             }
         }
     }
 
     fn trees(corners: &[[Vec3; 3]]) -> [TriangleBvh; 2] {
-        let of = |id: u32| corners[id as usize];
-        let mut refs = PrimRefs::new(corners.len(), |id| Aabb::of_triangle(corners[id])).unwrap();
+        let of = &|id: u32| corners[id as usize];
+        let mut refs = PrimRefs::new(corners.len(), &|id| Aabb::of_triangle(corners[id])).unwrap();
         let before = refs.list.len();
         split(&mut refs, of, ALL);
         assert!(refs.list.len() <= 31 * before);
@@ -478,15 +475,15 @@ mod tests {
         let mut both = scan.clone();
         both.push([Vec3::splat(-9.0), Vec3::splat(9.0), Vec3::new(9.0, 9.0, 8.9)]);
         let references = |corners: &[[Vec3; 3]]| {
-            let of = |id: u32| corners[id as usize];
+            let of = &|id: u32| corners[id as usize];
             let refs = PrimRefs::of_triangles(corners.len(), &of).unwrap();
             assert!(refs.list.len() as f64 <= 1.3 * corners.len() as f64);
             refs.list.len() - corners.len()
         };
         assert!(references(&scan) < scan.len() / 50);
         assert!(references(&both) > 5);
-        let of = |id: u32| both[id as usize];
-        let refs = PrimRefs::new(both.len(), |id| Aabb::of_triangle(both[id])).unwrap();
+        let of = &|id: u32| both[id as usize];
+        let refs = PrimRefs::new(both.len(), &|id| Aabb::of_triangle(both[id])).unwrap();
         let whole = TriangleBvh::over(refs, Quality::Medium, both.len(), of);
         let split = TriangleBvh::build(both.len(), of).unwrap();
         assert!(split.statistics().sah_cost < 0.5 * whole.statistics().sah_cost);
@@ -504,7 +501,7 @@ mod tests {
             .collect();
         let build = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let of = |id: u32| corners[id as usize];
+            let of = &|id: u32| corners[id as usize];
             let refs = pool.install(|| PrimRefs::of_triangles(corners.len(), &of));
             refs.unwrap().list.iter().map(|prim| (prim.id(), prim.bounds().0.map(f32::to_bits))).collect::<Vec<_>>()
         };

@@ -144,7 +144,7 @@ impl Extent {
     pub(super) const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Centers::NONE, duplicates_removed: false };
 
     pub(super) fn of(refs: &[PrimRef]) -> Self {
-        use rayon::prelude::*;
+        use canaletto_parallel::prelude::*;
         if refs.len() > super::CHUNK {
             return refs.par_chunks(super::CHUNK).map(Self::of).reduce(|| Self::EMPTY, Self::join);
         }
@@ -181,16 +181,16 @@ pub(crate) struct PrimRefs<'a> {
 }
 
 /// A function that returns the corners of a triangle.
-pub(super) type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
+pub(crate) type Corners<'a> = dyn Fn(u32) -> [Vec3; 3] + Sync + 'a;
 
 impl<'a> PrimRefs<'a> {
     /// The references of `count` primitives with these boxes.
-    pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
+    pub(crate) fn new(count: usize, bounds: &(dyn Fn(usize) -> Aabb + Sync)) -> Result<Self, BuildError> {
         Self::with_room(count, 0, bounds)
     }
 
     /// [`PrimRefs::new`] with room for `room` further references.
-    fn with_room(count: usize, room: usize, bounds: impl Fn(usize) -> Aabb + Sync) -> Result<Self, BuildError> {
+    fn with_room(count: usize, room: usize, bounds: &(dyn Fn(usize) -> Aabb + Sync)) -> Result<Self, BuildError> {
         if count > MAX_PRIMITIVES {
             return Err(BuildError::TooManyPrimitives { count });
         }
@@ -210,19 +210,16 @@ impl<'a> PrimRefs<'a> {
     }
 
     /// The references of `count` triangles, one for each.
-    pub(crate) fn of_whole_triangles(
-        count: usize,
-        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
-    ) -> Result<Self, BuildError> {
+    pub(crate) fn of_whole_triangles(count: usize, corners: &'a Corners<'a>) -> Result<Self, BuildError> {
         Self::of_triangles_with_room(count, 0, corners)
     }
 
     pub(super) fn of_triangles_with_room(
         count: usize,
         room: usize,
-        corners: &'a (impl Fn(u32) -> [Vec3; 3] + Sync),
+        corners: &'a Corners<'a>,
     ) -> Result<Self, BuildError> {
-        let refs = Self::with_room(count, room, |id| Aabb::of_triangle(corners(id as u32)))?;
+        let refs = Self::with_room(count, room, &|id| Aabb::of_triangle(corners(id as u32)))?;
         Ok(Self { corners: Some(corners), ..refs })
     }
 }

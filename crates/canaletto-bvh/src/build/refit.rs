@@ -1,13 +1,13 @@
 //! Fits the boxes of a finished tree to moved primitives.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 use crate::Aabb;
 use crate::node::{Child, Node};
 use crate::slab::WIDTH;
 
 /// Refits all boxes, given the box of each leaf, and returns the box around all.
-pub(crate) fn refit(nodes: &mut [Node], leaf: impl Fn(u32) -> Aabb + Sync) -> Aabb {
+pub(crate) fn refit(nodes: &mut [Node], leaf: &(dyn Fn(u32) -> Aabb + Sync)) -> Aabb {
     nodes.par_iter_mut().for_each(|node| {
         for lane in 0..WIDTH {
             if let Some(Child::Leaf(of_lane)) = node.children()[lane].decode() {

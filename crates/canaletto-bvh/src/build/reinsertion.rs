@@ -7,7 +7,7 @@
 //! largest gain first. Moves whose surroundings have changed since are skipped. The tree therefore does not depend on
 //! the number of threads.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 use super::prim_ref::Box8;
 use super::widen;
@@ -110,9 +110,9 @@ impl Tree {
     /// Finds moves of nodes with at least the area `least_area`, and makes them. Returns the area that the moves were
     /// to remove. `touched` is scratch memory.
     fn round(&mut self, least_area: f32, touched: &mut [bool]) -> f64 {
-        let mut largest: Vec<(f32, u32)> = (1..self.nodes.len() as u32)
+        let mut largest: Vec<(f32, u32)> = (1..self.nodes.len())
             .into_par_iter()
-            .map(|index| (self.area(index), index))
+            .map(|index| (self.area(index as u32), index as u32))
             // Children of the root can't be moved.
             .filter(|&(area, index)| area >= least_area && self.node(index).parent != 0)
             .collect();
@@ -123,7 +123,8 @@ impl Tree {
             largest.truncate(count);
         }
         let mut moves: Vec<Move> = largest.par_iter().filter_map(|&(_, index)| self.find(index)).collect();
-        moves.par_sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from)));
+        let order = |a: &Move, b: &Move| b.gain.total_cmp(&a.gain).then(a.from.cmp(&b.from));
+        rayon::slice::ParallelSliceMut::par_sort_unstable_by(&mut *moves, order);
         touched.fill(false);
         self.apply(moves, touched)
     }

@@ -30,8 +30,11 @@ pub enum Primitive {
 /// The callback with the exact test of every primitive that is not a sphere. It returns the nearest hit with 0 < t ≤
 /// t_max on a primitive; the `id` in the returned hit is ignored. The hit must lie in the primitive's box in the sense
 /// of [`PreparedRay::clamp_to_box`].
-pub trait UserIntersect: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {}
-impl<F: Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit>> UserIntersect for F {}
+pub type UserIntersect<'a> = dyn Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> + 'a;
+
+/// The callback that tells whether a hit on the primitive with an id counts. Queries call it through a pointer, so that
+/// they are compiled once.
+pub type FilterFunction<'a> = dyn FnMut(u32) -> bool + 'a;
 
 /// The primitive that a [`UserIntersect`] is called for.
 #[derive(Clone, Copy, Debug)]
@@ -206,7 +209,7 @@ impl Primitive4 {
         lane: usize,
         ray: &PreparedRay,
         t_max: f32,
-        user: &impl UserIntersect,
+        user: &UserIntersect,
     ) -> Option<PrimitiveHit> {
         // As arrays: indexing vectors would select by an unpredictable branch.
         let at = |row: &Vec4| row.as_ref()[lane & (LANES - 1)];
@@ -226,7 +229,7 @@ impl Primitive4 {
         lane: usize,
         ray: &PreparedRay,
         nearest: &mut PrimitiveHit,
-        user: &impl UserIntersect,
+        user: &UserIntersect,
     ) -> bool {
         let id = self.ids[lane];
         // The callback may have ignored `nearest.t`.

@@ -16,7 +16,7 @@ use crate::min_max::min;
 use crate::node::Node;
 use crate::ray::Axis;
 use crate::slab::{DEFLATE, INFLATE};
-use crate::{Aabb, PreparedRay, Ray};
+use crate::{Aabb, FilterFunction, PreparedRay, Ray};
 
 use super::edge_error::EdgeError;
 
@@ -207,7 +207,7 @@ impl Triangle4 {
         RefinedTest { tested, off: bound.error(size), bound }
     }
 
-    /// The lane of a candidate that is hit at or before `t_max` and for whose id `blocks` holds. Candidates in `surely`
+    /// The lane of a candidate that is hit at or before `t_max` and for whose id `counts` holds. Candidates in `surely`
     /// are certainly hit and need no exact test.
     #[inline(always)]
     pub(crate) fn any(
@@ -216,13 +216,13 @@ impl Triangle4 {
         ray: &PreparedRay,
         t_max: f32,
         front_only: bool,
-        blocks: &mut impl FnMut(u32) -> bool,
+        counts: &mut FilterFunction,
     ) -> Option<u32> {
         while candidates != 0 {
             let lane = candidates.trailing_zeros();
             let hit = surely >> lane & 1 == 1
                 || self.intersect(lane as usize, ray, t_max).is_some_and(|hit| hit.front || !front_only);
-            if hit && blocks(self.id(lane as usize)) {
+            if hit && counts(self.id(lane as usize)) {
                 return Some(lane);
             }
             candidates &= candidates - 1;

@@ -3,7 +3,7 @@
 
 use crate::node::{Node, PrefetchTable};
 use crate::primitive::cull::{Candidates, LANES, UnitRay};
-use crate::primitive::primitive4::{Primitive4, UserIntersect};
+use crate::primitive::primitive4::{FilterFunction, Primitive4, UserIntersect};
 use crate::simd::NodeTest;
 use crate::traverse::{AnyHitVisitor, ClosestVisitor, NumberedRay, StreamVisitor};
 use crate::{Leaf, PreparedRay, PrimitiveHit};
@@ -20,7 +20,7 @@ pub(super) fn closest(
     candidates: &Candidates,
     ray: &PreparedRay,
     nearest: &mut PrimitiveHit,
-    user: &impl UserIntersect,
+    user: &UserIntersect,
 ) {
     let mut lanes = candidates.lanes;
     while lanes != 0 {
@@ -40,8 +40,8 @@ pub(super) fn any(
     (lanes, surely): (u32, u32),
     ray: &PreparedRay,
     t_max: f32,
-    user: &impl UserIntersect,
-    counts: &mut impl FnMut(u32) -> bool,
+    user: &UserIntersect,
+    counts: &mut (impl FnMut(u32) -> bool + ?Sized),
 ) -> Option<u32> {
     // Certain hits come first, as they need no exact test.
     for (mut lanes, surely) in [(surely, true), (lanes & !surely, false)] {
@@ -57,15 +57,15 @@ pub(super) fn any(
     None
 }
 
-pub(super) struct ClosestOfRay<'a, A> {
+pub(super) struct ClosestOfRay<'a> {
     pub(super) blocks: &'a [Primitive4],
     pub(super) ray: &'a PreparedRay,
     pub(super) unit_ray: UnitRay,
     pub(super) nearest: &'a mut PrimitiveHit,
-    pub(super) user: &'a A,
+    pub(super) user: &'a UserIntersect<'a>,
 }
 
-impl<A: UserIntersect> ClosestVisitor for ClosestOfRay<'_, A> {
+impl ClosestVisitor for ClosestOfRay<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf, t_max: &mut f32) {
         let block = &self.blocks[leaf.first() as usize];
@@ -75,14 +75,14 @@ impl<A: UserIntersect> ClosestVisitor for ClosestOfRay<'_, A> {
     }
 }
 
-pub(super) struct ClosestOfStream<'a, A> {
+pub(super) struct ClosestOfStream<'a> {
     pub(super) blocks: &'a [Primitive4],
     pub(super) unit_ray: &'a [UnitRay],
     pub(super) nearest: &'a mut [PrimitiveHit],
-    pub(super) user: &'a A,
+    pub(super) user: &'a UserIntersect<'a>,
 }
 
-impl<A: UserIntersect> StreamVisitor for ClosestOfStream<'_, A> {
+impl StreamVisitor for ClosestOfStream<'_> {
     type CoarseResult = Candidates;
 
     #[inline(always)]
@@ -112,13 +112,13 @@ impl<A: UserIntersect> StreamVisitor for ClosestOfStream<'_, A> {
     }
 }
 
-pub(super) struct AnyHitOfStream<'a, A> {
+pub(super) struct AnyHitOfStream<'a> {
     pub(super) blocks: &'a [Primitive4],
     pub(super) unit_ray: &'a [UnitRay],
-    pub(super) user: &'a A,
+    pub(super) user: &'a UserIntersect<'a>,
 }
 
-impl<A: UserIntersect> StreamVisitor for AnyHitOfStream<'_, A> {
+impl StreamVisitor for AnyHitOfStream<'_> {
     type CoarseResult = (u32, u32);
     const NEAREST: bool = false;
 
@@ -150,22 +150,22 @@ impl<A: UserIntersect> StreamVisitor for AnyHitOfStream<'_, A> {
     }
 }
 
-pub(super) struct AnyHitOfRay<'a, A, F> {
+pub(super) struct AnyHitOfRay<'a> {
     pub(super) blocks: &'a [Primitive4],
     pub(super) ray: &'a PreparedRay,
     pub(super) unit_ray: UnitRay,
     pub(super) t_max: f32,
-    pub(super) user: &'a A,
-    pub(super) counts: F,
+    pub(super) user: &'a UserIntersect<'a>,
+    pub(super) counts: &'a mut FilterFunction<'a>,
     pub(super) place: &'a mut Option<u32>,
 }
 
-impl<A: UserIntersect, F: FnMut(u32) -> bool> AnyHitVisitor for AnyHitOfRay<'_, A, F> {
+impl AnyHitVisitor for AnyHitOfRay<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf) -> bool {
         let block = &self.blocks[leaf.first() as usize];
         let candidates = block.cull_any(filled(leaf), self.ray, &self.unit_ray, self.t_max);
-        *self.place = any(block, candidates, self.ray, self.t_max, self.user, &mut self.counts)
+        *self.place = any(block, candidates, self.ray, self.t_max, self.user, self.counts)
             .map(|lane| leaf.first() * LANES as u32 + lane);
         self.place.is_some()
     }

@@ -251,7 +251,7 @@ impl RayFilter {
         &mut self,
         nodes: &[Node],
         slot_bounds: &[Aabb],
-        visit: impl FnMut(u32, &[u32], &mut RayEnds),
+        visit: &mut dyn FnMut(u32, &[u32], &mut RayEnds),
     ) {
         if self.len > 0 && !nodes.is_empty() {
             dispatch::run(Traversal { filter: self, nodes, slot_bounds, visit });
@@ -270,19 +270,19 @@ impl RayEnds<'_> {
     }
 }
 
-struct Traversal<'a, F> {
+struct Traversal<'a> {
     filter: &'a mut RayFilter,
     nodes: &'a [Node],
     slot_bounds: &'a [Aabb],
-    visit: F,
+    visit: &'a mut dyn FnMut(u32, &[u32], &mut RayEnds),
 }
 
-impl<F: FnMut(u32, &[u32], &mut RayEnds)> SimdKernel for Traversal<'_, F> {
+impl SimdKernel for Traversal<'_> {
     type Answer = ();
 
     #[inline(always)]
     fn run<S: Instructions>(self, s: S) {
-        let Self { filter, nodes, slot_bounds, mut visit } = self;
+        let Self { filter, nodes, slot_bounds, visit } = self;
         let RayFilter { groups, len, stack, waiting, current, children, entering } = filter;
         let groups = &mut groups[..len.div_ceil(ROW)];
         stack.clear();
@@ -412,7 +412,7 @@ mod tests {
                     filter.clear();
                     rays.iter().for_each(|(ray, t_max)| filter.push(ray, margin, *t_max));
                     let mut found = Vec::new();
-                    bvh.filter(&mut filter, &slots, |slot, members, _| {
+                    bvh.filter(&mut filter, &slots, &mut |slot, members, _| {
                         found.extend(members.iter().map(|&ray| (slot, ray)));
                     });
                     let visits = found.len();
@@ -448,7 +448,7 @@ mod tests {
             let entry =
                 |ray: usize, slot: u32| rays[ray].0.prepare().clamp_to_box(&slots[slot as usize], 0.0, rays[ray].1);
             let mut nearest = vec![f32::INFINITY; rays.len()];
-            bvh.filter(&mut filter, &slots, |slot, members, ends| {
+            bvh.filter(&mut filter, &slots, &mut |slot, members, ends| {
                 for &ray in members {
                     entries += 1;
                     if let Some(t) = entry(ray as usize, slot)

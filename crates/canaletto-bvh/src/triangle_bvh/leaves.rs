@@ -9,7 +9,7 @@ use crate::primitive::edge_error::EdgeError;
 use crate::primitive::triangle4::{CoarseTest, Search, TriangleScene};
 use crate::simd::NodeTest;
 use crate::traverse::{AnyHitVisitor, ClosestVisitor, NumberedRay, StreamVisitor};
-use crate::{Leaf, PreparedRay};
+use crate::{FilterFunction, Leaf, PreparedRay};
 
 pub(super) struct ClosestOfRay<'a> {
     pub(super) scene: TriangleScene<'a>,
@@ -120,16 +120,16 @@ impl StreamVisitor for AnyHitOfStream<'_> {
     }
 }
 
-pub(super) struct AnyHitOfRay<'a, F> {
+pub(super) struct AnyHitOfRay<'a> {
     pub(super) scene: TriangleScene<'a>,
     pub(super) ray: &'a PreparedRay,
     pub(super) bound: EdgeError,
     pub(super) t_max: f32,
-    pub(super) counts: F,
+    pub(super) counts: &'a mut FilterFunction<'a>,
     pub(super) place: &'a mut Option<u32>,
 }
 
-impl<F: FnMut(u32) -> bool> AnyHitVisitor for AnyHitOfRay<'_, F> {
+impl AnyHitVisitor for AnyHitOfRay<'_> {
     #[inline(always)]
     fn leaf(&mut self, leaf: Leaf) -> bool {
         let block = &self.scene.blocks[leaf.first() as usize];
@@ -140,7 +140,7 @@ impl<F: FnMut(u32) -> bool> AnyHitVisitor for AnyHitOfRay<'_, F> {
         let front_only = self.scene.front_only;
         let refined = block.refine(self.ray, &tested).any(self.ray, self.t_max, front_only);
         *self.place =
-            block.any(refined, self.ray, self.t_max, front_only, &mut self.counts).map(|lane| leaf.first() << 2 | lane);
+            block.any(refined, self.ray, self.t_max, front_only, self.counts).map(|lane| leaf.first() << 2 | lane);
         self.place.is_some()
     }
 }

@@ -3,10 +3,10 @@
 
 use std::cmp::Ordering;
 
+use canaletto_parallel::prelude::*;
 use glam::Vec3;
-use rayon::prelude::*;
 
-use crate::build::{PrimRefs, STACK};
+use crate::build::{Corners, PrimRefs, STACK};
 use crate::memory::collected;
 use crate::primitive::triangle4::Triangle4;
 use crate::{Aabb, BuildError, TriangleBvh, with_stack};
@@ -42,20 +42,20 @@ impl TriangleBvh {
         max_cost_ratio: f64,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
     ) -> Result<bool, BuildError> {
-        with_stack(STACK, || self.refit_or_rebuild(max_cost_ratio, &corners))?
+        self.refit_or_rebuild(max_cost_ratio, &corners)
     }
 
-    fn refit_or_rebuild(
-        &mut self,
-        max_cost_ratio: f64,
-        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
-    ) -> Result<bool, BuildError> {
+    fn refit_or_rebuild(&mut self, max_cost_ratio: f64, corners: &Corners) -> Result<bool, BuildError> {
+        with_stack(STACK, || self.refit_here(max_cost_ratio, corners))?
+    }
+
+    fn refit_here(&mut self, max_cost_ratio: f64, corners: &Corners) -> Result<bool, BuildError> {
         // `corners` is called once for each triangle, so that the stored corners are those that were checked.
         let all: Vec<[Vec3; 3]> = collected(self.len(), 0, |id| corners(id as u32));
         if let Some(index) = all.par_iter().position_first(|corners| !corners.iter().all(|corner| corner.is_finite())) {
             return Err(BuildError::InvalidBox { index, bounds: Aabb::from_points(all[index]) });
         }
-        let corners = |id: u32| all[id as usize];
+        let corners = &|id: u32| all[id as usize];
         if self.duplicates().iter().any(|&[original, copy]| !same_bits(corners(original), corners(copy))) {
             return self.rebuild(corners);
         }
@@ -64,7 +64,7 @@ impl TriangleBvh {
         let (bvh, blocks) = self.bvh_and_blocks();
         blocks.par_iter_mut().for_each(|block| *block = block.with(corners));
         let blocks = &*blocks;
-        bvh.refit(|first| bounds(&blocks[first as usize]));
+        bvh.refit(&|first| bounds(&blocks[first as usize]));
         // A NaN cost counts as worse.
         let worse = || self.statistics().sah_cost.partial_cmp(&(cost * max_cost_ratio)).is_none_or(Ordering::is_gt);
         if max_cost_ratio < f64::INFINITY && worse() {
@@ -74,10 +74,10 @@ impl TriangleBvh {
     }
 
     /// Rebuilds the tree from finite corners. The old blocks are freed first.
-    fn rebuild(&mut self, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<bool, BuildError> {
-        let refs = PrimRefs::of_whole_triangles(self.len(), &corners)?;
+    fn rebuild(&mut self, corners: &Corners) -> Result<bool, BuildError> {
+        let refs = PrimRefs::of_whole_triangles(self.len(), corners)?;
         *self.bvh_and_blocks().1 = Vec::new();
-        *self = Self::over(refs, self.quality(), self.len(), &corners);
+        *self = Self::over(refs, self.quality(), self.len(), corners);
         Ok(true)
     }
 }

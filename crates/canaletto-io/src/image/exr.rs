@@ -18,7 +18,7 @@ use ::exr::meta::MetaData;
 use ::exr::meta::attribute::SampleType;
 use ::exr::meta::header::Header;
 use canaletto::texture::{ColorSpace, Image, Samples};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::collections::HashSet;
 use std::io::Cursor;
 use std::ops::Range;
@@ -118,8 +118,8 @@ impl<'a> File<'a> {
             });
             let (batch, later) = rest.split_at(few.count().max(1));
             rest = later;
-            let unpacked: Vec<Vec<u8>> =
-                batch.par_iter().map(|block| self.unpack(part, block)).collect::<Result<_, _>>()?;
+            let unpacked = batch.par_iter().map(|block| self.unpack(part, block)).collect();
+            let unpacked = unpacked.into_iter().collect::<Result<Vec<Vec<u8>>, ImageError>>()?;
             for (block, data) in batch.iter().zip(&unpacked) {
                 for (row, line) in data.chunks_exact(block.width * pixel).enumerate() {
                     for (place, &channel) in channels.iter().enumerate() {
@@ -139,7 +139,7 @@ impl<'a> File<'a> {
         if is_within_budget(memory, self.bytes.len()) {
             return Ok(());
         }
-        blocks.par_iter().try_for_each(|block| self.unpack(part, block).map(drop))
+        blocks.par_iter().find_map_first(|block| self.unpack(part, block).err()).map_or(Ok(()), Err)
     }
 
     fn unpack(&self, part: usize, block: &Block) -> Result<Vec<u8>, ImageError> {

@@ -28,7 +28,7 @@ use crate::diagnostic::word_list;
 use crate::guard::guarded;
 use canaletto::memory::{self, NoMemory};
 use canaletto::texture::{Image, Samples};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::sync::LazyLock;
 
 /// The reasons why a file can't be used as an image.

@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 use canaletto::memory;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The concatenation of the parts, copied in parallel. The memory of each part is freed as soon as it is copied.
 pub(super) fn concat<T: Pod + Send + Sync>(mut parts: Vec<Vec<T>>) -> Vec<T> {

@@ -3,8 +3,8 @@
 //! millimetres.
 
 use super::concat::concat;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Positions are far from zero if their largest coordinate is more than this multiple of the size of their bounding
@@ -28,11 +28,11 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub(super) fn of(points: &[Vec3]) -> Bounds {
+        let nothing = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (min, max) = points
             .par_iter()
-            .filter(|p| p.is_finite())
-            .fold(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)))
-            .reduce(|| (Vec3::INFINITY, Vec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+            .map(|p| if p.is_finite() { (*p, *p) } else { nothing() })
+            .reduce(nothing, |a, b| (a.0.min(b.0), a.1.max(b.1)));
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
     }
 

@@ -2,8 +2,8 @@
 
 use super::smooth::{Smoothing, smooth};
 use canaletto::shape::Mesh;
+use canaletto_parallel::prelude::*;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Normalises normals, and computes those without a direction. If the triangles use only such normals, the mesh gets
 /// none.
@@ -14,9 +14,9 @@ pub(super) fn repair_normals(mesh: &mut Mesh, smoothing: Smoothing<'_>) {
         return;
     }
     let lacks = |i: &u32| mesh.normals[*i as usize] == Vec3::ZERO;
-    if mesh.triangles.par_iter().flatten().all(lacks) {
+    if mesh.triangles.par_iter().all(|triangle| triangle.iter().all(lacks)) {
         mesh.normals = Vec::new();
-    } else if mesh.triangles.par_iter().flatten().any(lacks) {
+    } else if mesh.triangles.par_iter().any(|triangle| triangle.iter().any(lacks)) {
         smooth(mesh, smoothing);
     } else {
         // No triangle uses these normals, but each must have a direction.

@@ -1,8 +1,8 @@
 //! Vertex normals for meshes without them: smooth across some edges, faceted at the others.
 
 use canaletto::shape::Mesh;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// cos 40°: faces that meet at a larger angle form a crease.
@@ -126,7 +126,7 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
     // Adding 0 turns −0 into 0.
     let place = |i: u32| (positions[i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     let mut order: Vec<u32> = (0..positions.len() as u32).collect();
-    order.par_sort_unstable_by_key(|i| (place(*i), *i));
+    rayon::slice::ParallelSliceMut::par_sort_unstable_by_key(&mut *order, |i| (place(*i), *i));
     let mut welded = vec![0; positions.len()];
     for same in order.chunk_by(|a, b| place(*a) == place(*b)) {
         same.iter().for_each(|i| welded[*i as usize] = same[0]);
@@ -145,7 +145,7 @@ fn edges(mesh: &Mesh, welded: &[u32]) -> Vec<[u32; 3]> {
             }
         }
     }
-    all.par_sort_unstable();
+    rayon::slice::ParallelSliceMut::par_sort_unstable(&mut *all);
     all
 }
 

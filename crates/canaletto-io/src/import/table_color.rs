@@ -8,7 +8,7 @@ use super::color::{ROUNDED, Scale};
 use super::lines::ImportError;
 use canaletto::math::Rgb;
 use canaletto::texture::{ColorSpace, srgb_decode};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The type of the colours in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ impl Range {
             negative: a.negative + b.negative,
             missing: a.missing + b.missing,
         };
-        colors.par_iter().with_min_len(4096).fold(Range::default, one).reduce(Range::default, join)
+        colors.par_chunks(4096).map(|colors| colors.iter().fold(Range::default(), one)).reduce(Range::default, join)
     }
 }
 

@@ -6,7 +6,7 @@
 use super::lines::{BLANKS, ImportError, goes_on};
 use super::unreadable;
 use crate::content::View;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::ops::Range;
 
 /// A text and the size of its pieces.

@@ -1,6 +1,6 @@
 //! Separable convolution of one channel. Values outside the picture are those of its nearest edge pixel.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// A kernel of odd length centred on its middle, for rows and for columns.
 pub(super) struct Kernel {

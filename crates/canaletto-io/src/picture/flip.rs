@@ -8,8 +8,8 @@ use super::Image;
 use super::compare::{Unequal, colors};
 use super::convolve::{Kernel, convolve, offsets};
 use canaletto::texture::srgb_decode;
+use canaletto_parallel::prelude::*;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// The default viewing condition of the paper: a 0.7 m wide screen of 3840 pixels at a distance of 0.7 m, in pixels per

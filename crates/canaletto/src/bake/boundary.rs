@@ -3,8 +3,8 @@
 
 use crate::integrator::radiosity::SolvedRoot;
 use canaletto_bvh::{Aabb, BuildError, Bvh};
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// The vertices of all roots.
 pub(super) struct Boundaries {

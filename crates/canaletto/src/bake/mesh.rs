@@ -6,8 +6,8 @@ use super::layout::Layout;
 use crate::integrator::radiosity::SolvedRoot;
 use crate::material::MaterialPoint;
 use crate::world::{Hit, World};
+use canaletto_parallel::prelude::*;
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
 /// How far from a triangle's corner its surface is looked up, relative to the way to the centre.

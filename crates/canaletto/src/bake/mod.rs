@@ -31,7 +31,7 @@ use crate::scene::RadiositySettings;
 use crate::world::{Hit, World};
 use boundary::Boundaries;
 use canaletto_bvh::{NoThreads, with_stack};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// Settings of a light map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,8 +8,8 @@ use crate::job::Observer;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::world::World;
+use canaletto_parallel::prelude::*;
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 /// The distance from a chart, in texels, up to which texels have a value of it. Bilinear filtering reads texels up to
 /// √2 away.

@@ -11,7 +11,7 @@ use super::outliers::lowered;
 use super::plane::{ColorPlanes, LANES, Lanes, Part, Plane, Window, falloff, strips};
 use super::source::Source;
 use canaletto_bvh::{InstructionSet, Kernel};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The number of passes. The distance between taps doubles with each.
 const LEVELS: u32 = 5;

@@ -2,7 +2,7 @@
 
 use super::plane::Plane;
 use crate::math::Rgb;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The radius of the squares over which estimates are averaged.
 const RADIUS: usize = 3;

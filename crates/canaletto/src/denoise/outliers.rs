@@ -3,7 +3,7 @@
 use super::LAMP;
 use super::plane::{ColorPlanes, Part, Plane, Window, strips};
 use super::source::Source;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// A pixel of one half is at most this many times what its surroundings and the other half show.
 const TOLERANCE: f32 = 1.5;
@@ -200,7 +200,7 @@ pub(super) fn removed_light(source: &Source<'_>, half: usize, factors: &Plane) -
         };
         row.iter().enumerate().filter(|(_, factor)| **factor < 1.0).map(removed).sum::<f64>()
     });
-    rows.collect::<Vec<f64>>().iter().sum()
+    rows.collect().iter().sum()
 }
 
 /// Light without outliers.

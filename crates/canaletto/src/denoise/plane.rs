@@ -4,7 +4,7 @@
 //! into windows. So whole planes exist only of what one step hands to the next, and memory doesn't grow with the number
 //! of layers that a step reads.
 
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// Sums of a larger radius run on. What was large in a running sum leaves a rest, so small ones don't.
 const MOST_SUMMED: usize = 4;

@@ -12,7 +12,7 @@ use super::outliers::lowered;
 use super::plane::{LANES, Lanes, Part, Plane, Window, falloff};
 use super::source::Source;
 use canaletto_bvh::{InstructionSet, Kernel};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::ops::ControlFlow;
 
 /// The window is (2 RADIUS + 1)² pixels.
@@ -68,7 +68,7 @@ impl RegressedHalf<'_> {
                 .map(|at| Part { picture: size, at, size: [0, 1].map(|axis| PART[axis].min(size[axis] - at[axis])) })
                 .collect();
             let predicted = parts.par_iter().map(|part| go_on().then(|| self.predict(*part)));
-            let Some(predicted) = predicted.collect::<Option<Vec<Predictions>>>() else {
+            let Some(predicted) = predicted.collect().into_iter().collect::<Option<Vec<Predictions>>>() else {
                 return ControlFlow::Break(());
             };
             let mut all = last.take().unwrap_or_default();

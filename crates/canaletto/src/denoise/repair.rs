@@ -1,7 +1,7 @@
 //! Pixels that are no light, such as NaN, and features that are none: they get the median of what surrounds them.
 
 use crate::math::Rgb;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::borrow::Cow;
 
 /// The numbers of pixels that were filled from those around them.
@@ -72,8 +72,8 @@ pub(super) fn repaired<'a, T: LayerValue + Default>(
 ) -> Cow<'a, [T]> {
     let width = size[0];
     let rows = (0..size[1]).into_par_iter();
-    let found = rows.flat_map_iter(|y| (y * width..(y + 1) * width).filter(|i| is_broken(*i, values)));
-    let found: Vec<usize> = found.collect();
+    let broken_in = |y| (y * width..(y + 1) * width).filter(|i| is_broken(*i, values)).collect::<Vec<usize>>();
+    let found = rows.map(broken_in).collect().concat();
     if found.is_empty() {
         return Cow::Borrowed(values);
     }

@@ -4,7 +4,7 @@ use super::plane::Plane;
 use super::repair::{FilledPixels, is_no_light, repaired};
 use super::{LEAST_ALBEDO, NoisyPicture};
 use crate::math::Rgb;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::borrow::Cow;
 
 /// A noisy picture as the filters see it: by the index of a pixel, in units of its typical light.
@@ -85,7 +85,7 @@ impl<'a> Source<'a> {
             .into_par_iter()
             .map(|y| (y * size[0]..(y + 1) * size[0]).map(|i| f64::from(source.nearness(i))).sum::<f64>());
         // The rows are added in their order.
-        let mean = nearness.collect::<Vec<f64>>().iter().sum::<f64>() / pixels as f64;
+        let mean = nearness.collect().iter().sum::<f64>() / pixels as f64;
         if mean > 0.0 && mean.is_finite() {
             source.nearness_scale = 1.0 / mean;
         }
@@ -155,7 +155,7 @@ impl<'a> Source<'a> {
         let sum = |half: usize| {
             let rows = self.halves[half].par_chunks(self.size[0]);
             let rows = rows.map(|row| row.iter().flat_map(|c| c.to_array()).map(f64::from).sum::<f64>());
-            rows.collect::<Vec<f64>>().iter().sum::<f64>()
+            rows.collect().iter().sum::<f64>()
         };
         0.5 * (sum(0) + sum(1))
     }

@@ -6,7 +6,7 @@ use super::outliers::lowered_windows;
 use super::plane::{LANES, Part, Plane, Window, falloff, strips};
 use super::source::Source;
 use canaletto_bvh::{InstructionSet, Kernel};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The window is (2 RADIUS + 1)² pixels.
 const RADIUS: usize = 4;

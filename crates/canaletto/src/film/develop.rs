@@ -3,7 +3,7 @@
 use super::{Agx, PbrNeutral, Picture, metered_exposure, srgb};
 use crate::math::Rgb;
 use crate::scene::{Developing, Exposure, Tone, Transfer};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The map from a picture's linear colours to display values.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use super::sampled::Side;
 use crate::sampler::{Dimension, Sampler};
 use crate::world::{ObjectSurface, World};
 use canaletto_bvh::{NoThreads, with_stack};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 use std::ops::ControlFlow;
 
@@ -118,9 +118,8 @@ impl<'a> Average<'a> {
         for index in 0..self.points_of_set {
             let is_cancelled = || progress(index * SETS).is_break();
             // After an interruption, the sets have equally many points.
-            let round: Option<Vec<Sums>> =
-                (0..SETS).into_par_iter().map(|set| self.point(set, index, &is_cancelled)).collect();
-            let Some(round) = round else {
+            let round = (0..SETS).into_par_iter().map(|set| self.point(set, index, &is_cancelled)).collect();
+            let Some(round) = round.into_iter().collect::<Option<Vec<Sums>>>() else {
                 cancelled = true;
                 break;
             };

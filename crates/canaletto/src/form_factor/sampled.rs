@@ -10,8 +10,8 @@ use crate::math::{DRay, offset_origin, warp};
 use crate::sampler::{Dimension, Sample, Sampler};
 use crate::world::{MAX_STALLED, ObjectSurface, World};
 use canaletto_bvh::{NoThreads, Ray, with_stack};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 

@@ -6,8 +6,8 @@ use super::finding::neat_numbers;
 use super::{Grader, Guess, thinned};
 use crate::film::{filter_value, srgb_encode};
 use crate::scene::{Developing, Filter, Transfer};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::fmt;
 
 /// A reconstruction filter: the same function along both axes.

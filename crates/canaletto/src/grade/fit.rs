@@ -6,8 +6,8 @@ use super::seen::Seen;
 use super::tracer::TracerSettings;
 use super::{Grader, Guess, NOTHING, choose};
 use crate::scene::Stage;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Other values of a number.
@@ -141,7 +141,7 @@ impl Grader<'_> {
                 guess.error = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
                 Some(guess)
             };
-            found.extend(refined.into_par_iter().filter_map(guess).collect::<Vec<_>>());
+            found.extend(refined.into_par_iter().filter_map(guess).collect());
             if found.iter().any(|guess| guess.error <= NOTHING) {
                 break;
             }

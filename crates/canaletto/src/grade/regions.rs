@@ -9,8 +9,8 @@ use super::seen::Seen;
 use super::tracer::{Tracer, TracerSettings};
 use super::{Grader, Guess, PLACES};
 use crate::scene::Transfer;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::cell::Cell;
 
 /// The most pixels of a picture that is searched.

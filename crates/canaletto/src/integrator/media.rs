@@ -15,7 +15,6 @@
 //! of a mesh, and where other faces cross the place. A wrong body therefore stays in a set no longer than to the next
 //! surface.
 
-use crate::integrator::Probe;
 use crate::math::DRay;
 use crate::shape::Surface;
 use crate::world::{Body, Contact, Hit, World};
@@ -266,14 +265,14 @@ impl Media {
     }
 
     /// The boundary of a ray in the bodies of `set` whose line hits `surface` at `hit`. `set` becomes the set of bodies
-    /// that the ray is certainly in.
-    pub(in crate::integrator) fn boundary<P: Probe + ?Sized>(
+    /// that the ray is certainly in. Calls `hidden` with surfaces that another body hides.
+    pub(in crate::integrator) fn boundary(
         &mut self,
         world: &World,
         (line, ray): (&DRay, &Ray),
         (hit, surface): (&Hit, &Surface),
         set: &mut u32,
-        probe: &mut P,
+        hidden: &mut dyn FnMut(&Hit),
     ) -> Boundary {
         let met = |hit: &Hit, outside: bool| {
             let body = world.body(hit);
@@ -295,13 +294,13 @@ impl Media {
             *set = self.with(*set, body, |count, _| (count, true));
         }
         let boundary = if contacts.is_empty() {
-            self.single_boundary(&first, *set, probe)
+            self.single_boundary(&first, *set, hidden)
         } else {
             let others = contacts.iter().map(|contact| met(&contact.hit, contact.outside));
             let mut all: Vec<BoundaryHit> = std::iter::once(first).chain(others).collect();
             // Sorting is stable: surfaces keep the order of their hits.
             all.sort_by_key(BoundaryHit::crossing_rank);
-            self.coinciding_boundary(&all, hit, *set, probe)
+            self.coinciding_boundary(&all, hit, *set, hidden)
         };
         self.contacts = contacts;
         boundary
@@ -337,7 +336,7 @@ impl Media {
     }
 
     /// The boundary at a surface that nothing coincides with.
-    fn single_boundary<P: Probe + ?Sized>(&mut self, met: &BoundaryHit, set: u32, probe: &mut P) -> Boundary {
+    fn single_boundary(&mut self, met: &BoundaryHit, set: u32, hidden: &mut dyn FnMut(&Hit)) -> Boundary {
         if met.opaque {
             return Boundary::Plain;
         }
@@ -346,7 +345,7 @@ impl Media {
         };
         let beyond = self.changed(set, body, met.outside);
         if self.is_hidden(body, set, if met.outside { set } else { beyond }) {
-            probe.hidden(&met.hit);
+            hidden(&met.hit);
             return Boundary::Hidden(beyond);
         }
         let outer = self.filling_besides(set, body).map_or(1.0, |body| f64::from(body.eta));
@@ -367,12 +366,12 @@ impl Media {
 
     /// The boundary of coinciding surfaces in the order in which the ray crosses them. `first` is the hit that the ray
     /// query returned.
-    fn coinciding_boundary<P: Probe + ?Sized>(
+    fn coinciding_boundary(
         &mut self,
         all: &[BoundaryHit],
         first: &Hit,
         set: u32,
-        probe: &mut P,
+        hidden: &mut dyn FnMut(&Hit),
     ) -> Boundary {
         let opaque = all.iter().position(|met| met.opaque);
         let mut gap = set;
@@ -392,9 +391,7 @@ impl Media {
                 break;
             }
             match &met.body {
-                Some(body) if self.is_hidden(body, if met.outside { beyond } else { set }, gap) => {
-                    probe.hidden(&met.hit)
-                }
+                Some(body) if self.is_hidden(body, if met.outside { beyond } else { set }, gap) => hidden(&met.hit),
                 _ => seen.push(*met),
             }
         }

@@ -146,7 +146,7 @@ pub(crate) trait RayIntegrator<'w> {
 
     /// The colour along a camera ray, for a probe that observes it. `differential` is the ray differential to the
     /// neighbouring samples; it is needed if [`World::needs_differentials`] returns true.
-    fn eye<P: Probe + ?Sized>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb;
+    fn eye(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut dyn Probe) -> Rgb;
 
     /// Adds camera rays to the batch that waits to be traced. Successive rays should have nearly equal directions.
     /// There are as many `samples` as `lines`. There are as many `times` too, unless nothing in the world moves, and as

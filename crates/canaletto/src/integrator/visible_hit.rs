@@ -135,7 +135,7 @@ pub(in crate::integrator) fn visible_hit<P: Probe + ?Sized>(
         let mut known = None;
         if first_crossing == media::NONE && world.has_clear() && (inside != media::NONE || !material.is_opaque()) {
             let surface = world.surface_without_uv(line, &hit);
-            match media.boundary(world, (&line, &ray), (&hit, &surface), &mut inside, probe) {
+            match media.boundary(world, (&line, &ray), (&hit, &surface), &mut inside, &mut |hit| probe.hidden(hit)) {
                 Boundary::Plain => known = Some(surface),
                 Boundary::At(first) => {
                     crossing = first;

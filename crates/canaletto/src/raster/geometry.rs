@@ -9,8 +9,8 @@ use crate::material::{Material, Target};
 use crate::shape::Mesh;
 use crate::world::{Hit, Primitives, World};
 use canaletto_bvh::Aabb;
+use canaletto_parallel::prelude::*;
 use glam::DVec4;
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -187,9 +187,8 @@ impl GeometryStage<'_> {
     /// Projects all triangles. Breaks if cancelled.
     pub(crate) fn run(&self, cancelled: &(dyn Fn() -> bool + Sync)) -> ControlFlow<(), BinnedTriangles> {
         let batches = self.batches();
-        let done: Option<Vec<Batch>> =
-            batches.par_iter().map(|parts| if cancelled() { None } else { Some(self.batch(parts)) }).collect();
-        match done {
+        let done = batches.par_iter().map(|parts| if cancelled() { None } else { Some(self.batch(parts)) }).collect();
+        match done.into_iter().collect() {
             Some(done) => ControlFlow::Continue(self.bin(done)),
             None => ControlFlow::Break(()),
         }

@@ -8,7 +8,7 @@ use super::visible_triangle::{FacetCache, VisibleTriangle};
 use crate::material::PreparedMaterial;
 use crate::math::DRay;
 use crate::world::World;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::atomic::AtomicUsize;
 
@@ -85,14 +85,15 @@ impl<'w> UnshadedView<'w> {
         };
         let binned = stage.run(cancelled)?;
         let [across, rows] = screen.tiles();
-        let draw = |cache: &mut FacetCache<'w>, tile: i32| {
+        let draw = |cache: &mut FacetCache<'w>, number: usize| {
+            let tile = number as i32;
             let offset = [tile % across * TILE, tile / across * TILE];
             let corner = [self.corner[0] + offset[0], self.corner[1] + offset[1]];
             let size = [0, 1].map(|axis: usize| TILE.min(self.size[axis] - offset[axis]));
             let mut visibility = VisibilityBuffer::default();
             visibility.reset(corner, size, &sites, f32::NEG_INFINITY);
             cache.clear();
-            let triangles = (0..).zip(binned.tile(tile as usize)).filter(|(_, triangle)| (self.is_seen)(triangle));
+            let triangles = (0..).zip(binned.tile(number)).filter(|(_, triangle)| (self.is_seen)(triangle));
             visibility.draw(triangles, &sites, |visibility, number, triangle| {
                 let visible = cache.triangle_to_refine(triangle, world, &binned, tolerance);
                 visibility.draw_refined(triangle, number, &sites, |place, depth| {
@@ -105,10 +106,10 @@ impl<'w> UnshadedView<'w> {
                     (!triangle.is_curved || t > visible.rounding(&line)).then_some(depth)
                 });
             });
-            let number = tile as usize;
             read(&mut DrawnTile { corner, size, visibility: &visibility, view: self, binned: &binned, cache, number })
         };
-        ControlFlow::Continue((0..across * rows).into_par_iter().map_init(FacetCache::default, draw).collect())
+        let tiles = (across * rows) as usize;
+        ControlFlow::Continue((0..tiles).into_par_iter().map_init(FacetCache::default, draw).collect())
     }
 }
 

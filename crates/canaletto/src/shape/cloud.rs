@@ -4,8 +4,8 @@ use super::{Cylinder, Shape, ShapeHit, Sphere, Surface, SurfaceDifferential};
 use crate::OutOfRange;
 use crate::math::{DRay, Rgb};
 use canaletto_bvh::{Aabb, Ray};
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Many spheres of one object.

@@ -10,9 +10,9 @@ use super::cuts::Cuts;
 use super::tessellate::{FrustumFrame, Place, Places, Tessellation, TessellationVertex};
 use super::{Cone, Cylinder, Mesh, Shape, Triangle, solve};
 use crate::math::Rgb;
+use canaletto_parallel::prelude::*;
 use estimate::{Raised, parts};
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
 

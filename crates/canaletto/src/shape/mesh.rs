@@ -9,8 +9,8 @@ use crate::OutOfRange;
 use crate::math::{DRay, Rgb};
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
+use canaletto_parallel::prelude::*;
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A triangle mesh as an importer returns it. Counter-clockwise corners face outwards (5.23).

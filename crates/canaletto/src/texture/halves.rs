@@ -4,7 +4,7 @@
 use super::codec::{Codec, Slot};
 use super::level::{Level, TILE, index};
 use super::{Samples, pyramid::COMPACT};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The number of levels made here: those that keep the image's format, and the first one in `f32`.
 const LEVELS: usize = COMPACT;

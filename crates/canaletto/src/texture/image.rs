@@ -2,7 +2,7 @@
 
 use super::ColorSpace;
 use crate::OutOfRange;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// An image for textures.

@@ -5,7 +5,7 @@
 //! has as many numbers as the rows. Every eight rows can thus be tiled in place.
 
 use super::Samples;
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The number of texels in a side of a tile.
 pub(super) const TILE: u32 = 8;

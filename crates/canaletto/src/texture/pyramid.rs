@@ -13,7 +13,7 @@ use super::halves::{first_levels, has_whole_tiles};
 use super::level::{Level, TILE, index};
 use super::{ColorSpace, Image, Samples, srgb_decode};
 use crate::texture::half::{from_half, to_half};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::sync::Arc;
 
 /// The runtime form of an image, with coarser levels if they are needed.

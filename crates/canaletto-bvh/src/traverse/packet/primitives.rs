@@ -13,19 +13,12 @@ use crate::simd::{Instructions, ROW, Row, Vector};
 use crate::{PreparedRay, PrimitiveHit, Ray};
 
 /// The data of a tree over primitives that kernels read.
-pub(crate) struct PrimitiveScene<'a, A> {
+#[derive(Clone, Copy)]
+pub(crate) struct PrimitiveScene<'a> {
     pub(crate) nodes: &'a [Node],
     pub(crate) blocks: &'a [Primitive4],
-    pub(crate) user: &'a A,
+    pub(crate) user: &'a UserIntersect<'a>,
 }
-
-impl<A> Clone for PrimitiveScene<'_, A> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<A> Copy for PrimitiveScene<'_, A> {}
 
 /// The largest spread of a group's unit directions along an axis. Rays of a wider group are traced one by one, since
 /// they rarely visit common nodes. The times of whole pictures hardly depend on this number between a fifth and five
@@ -35,9 +28,9 @@ const MAX_SPREAD: f32 = 0.1;
 /// Traverses the tree with all groups. `alone` is called for each ray that has to be tested against a primitive
 /// exactly. Its arguments are the group, the ray's lane, and the primitive's place.
 #[inline(always)]
-fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
+fn trace<S: Instructions, const NEAREST: bool>(
     s: S,
-    scene: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_>,
     packet: &mut Packet,
     outcome: &mut PacketOutcome,
     mut alone: impl FnMut(&mut RayGroup, usize, u32),
@@ -87,9 +80,9 @@ fn trace<S: Instructions, A: UserIntersect, const NEAREST: bool>(
 
 /// Tests a ray's pending primitive exactly, then another primitive. Returns whether the pending primitive was not hit.
 #[inline(never)]
-fn test_alone<A: UserIntersect>(
+fn test_alone(
     group: &mut RayGroup,
-    scene: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_>,
     i: usize,
     place: u32,
     nearest: &mut PrimitiveHit,
@@ -112,7 +105,7 @@ fn test_alone<A: UserIntersect>(
 /// Tests the pending spheres of a group exactly, side by side, and returns the rays whose sphere was not hit. Other
 /// primitives stay pending.
 #[inline(always)]
-fn resolve_spheres<A>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, nearest: &mut [PrimitiveHit]) -> u32 {
+fn resolve_spheres(group: &mut RayGroup, scene: PrimitiveScene<'_>, nearest: &mut [PrimitiveHit]) -> u32 {
     const HALF: usize = sphere::LANES;
     let (waiting, mut failed) = (group.waiting(), 0);
     for first in (0..ROW).step_by(HALF) {
@@ -159,7 +152,7 @@ fn resolve_spheres<A>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, neares
 
 /// Ends a ray if a primitive is hit, by the exact test.
 #[inline(never)]
-fn end<A: UserIntersect>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, i: usize, place: u32) {
+fn end(group: &mut RayGroup, scene: PrimitiveScene<'_>, i: usize, place: u32) {
     let (block, lane) = (&scene.blocks[place as usize / LANES], place as usize % LANES);
     if block.intersect(lane, &group.ray(i).prepare(), group.t_max.0[i], scene.user).is_some() {
         group.t_max.0[i] = f32::NEG_INFINITY;
@@ -167,9 +160,9 @@ fn end<A: UserIntersect>(group: &mut RayGroup, scene: PrimitiveScene<'_, A>, i: 
 }
 
 #[inline(always)]
-fn closest_in<S: Instructions, A: UserIntersect>(
+fn closest_in<S: Instructions>(
     s: S,
-    scene: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_>,
     packet: &mut Packet,
     nearest: &mut [PrimitiveHit],
     outcome: &mut PacketOutcome,
@@ -179,7 +172,7 @@ fn closest_in<S: Instructions, A: UserIntersect>(
         let ray = group.first + i;
         u64::from(test_alone(group, scene, i, place, &mut nearest[ray])) << ray
     };
-    trace::<S, A, true>(s, scene, packet, outcome, |group, i, place| retry |= alone(group, i, place, nearest));
+    trace::<S, true>(s, scene, packet, outcome, |group, i, place| retry |= alone(group, i, place, nearest));
     for group in &mut packet.groups[..packet.len] {
         retry |= u64::from(resolve_spheres(group, scene, nearest)) << group.first;
         for i in lanes(group.waiting()) {
@@ -190,25 +183,25 @@ fn closest_in<S: Instructions, A: UserIntersect>(
 }
 
 #[inline(always)]
-fn any_in<S: Instructions, A: UserIntersect>(
+fn any_in<S: Instructions>(
     s: S,
-    scene: PrimitiveScene<'_, A>,
+    scene: PrimitiveScene<'_>,
     packet: &mut Packet,
     t_max: &mut [f32],
     outcome: &mut PacketOutcome,
 ) {
-    trace::<S, A, false>(s, scene, packet, outcome, |group, i, place| end(group, scene, i, place));
+    trace::<S, false>(s, scene, packet, outcome, |group, i, place| end(group, scene, i, place));
     packet.write_back(t_max);
 }
 
-struct ClosestPackets<'a, A> {
-    scene: PrimitiveScene<'a, A>,
+struct ClosestPackets<'a> {
+    scene: PrimitiveScene<'a>,
     packet: &'a mut Packet,
     rays: &'a [Ray],
     nearest: &'a mut [PrimitiveHit],
 }
 
-impl<A: UserIntersect> SimdKernel for ClosestPackets<'_, A> {
+impl SimdKernel for ClosestPackets<'_> {
     type Answer = PacketOutcome;
 
     #[inline(always)]
@@ -228,14 +221,14 @@ impl<A: UserIntersect> SimdKernel for ClosestPackets<'_, A> {
     }
 }
 
-struct AnyHitPackets<'a, A> {
-    scene: PrimitiveScene<'a, A>,
+struct AnyHitPackets<'a> {
+    scene: PrimitiveScene<'a>,
     packet: &'a mut Packet,
     rays: &'a [Ray],
     t_max: &'a mut [f32],
 }
 
-impl<A: UserIntersect> SimdKernel for AnyHitPackets<'_, A> {
+impl SimdKernel for AnyHitPackets<'_> {
     type Answer = PacketOutcome;
 
     #[inline(always)]
@@ -248,8 +241,8 @@ impl<A: UserIntersect> SimdKernel for AnyHitPackets<'_, A> {
 }
 
 /// [`super::closest`] for a tree over primitives.
-pub(crate) fn closest<A: UserIntersect>(
-    scene: PrimitiveScene<'_, A>,
+pub(crate) fn closest(
+    scene: PrimitiveScene<'_>,
     packet: &mut Packet,
     rays: &[Ray],
     nearest: &mut [PrimitiveHit],
@@ -261,12 +254,7 @@ pub(crate) fn closest<A: UserIntersect>(
 }
 
 /// [`super::any`] for a tree over primitives.
-pub(crate) fn any<A: UserIntersect>(
-    scene: PrimitiveScene<'_, A>,
-    packet: &mut Packet,
-    rays: &[Ray],
-    t_max: &mut [f32],
-) -> PacketOutcome {
+pub(crate) fn any(scene: PrimitiveScene<'_>, packet: &mut Packet, rays: &[Ray], t_max: &mut [f32]) -> PacketOutcome {
     if scene.nodes.is_empty() {
         return PacketOutcome::default();
     }

@@ -35,8 +35,8 @@ use crate::diagnostic::Diagnostics;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, SphereCloud};
 use canaletto::texture::ColorSpace;
+use canaletto_parallel::prelude::*;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// The format of a cloud file.

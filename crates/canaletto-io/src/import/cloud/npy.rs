@@ -9,8 +9,8 @@ use super::columns::{Role, Roles, Unfit};
 use super::text::Table;
 use crate::import::lines::ImportError;
 use crate::import::table_color::Written;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// The first bytes of a file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";

@@ -6,8 +6,8 @@ use crate::import::lines::{ImportError, Token};
 use crate::import::number;
 use crate::import::positions::Positions;
 use canaletto::math::Rgb;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// The separator of cells.
@@ -66,10 +66,11 @@ pub(super) fn read_from(
         cuts.push(line_after(next));
     }
     let tables: Vec<Result<Table, ImportError>> = cuts
-        .par_windows(2)
-        .map(|cut| {
+        .par_iter()
+        .zip(&cuts[1..])
+        .map(|(&start, &end)| {
             let mut table = Table::default();
-            rows(bytes, cut[0]..cut[1]).try_for_each(|row| columns.read(&row, points, &mut table))?;
+            rows(bytes, start..end).try_for_each(|row| columns.read(&row, points, &mut table))?;
             table.points = table.points.part();
             Ok(table)
         })

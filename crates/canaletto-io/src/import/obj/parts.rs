@@ -7,8 +7,8 @@ use super::super::smooth::{Smoothing, smooth};
 use super::faces::{Corner, NONE, Pattern, Triangles};
 use super::vertices::Vertices;
 use canaletto::shape::Mesh;
+use canaletto_parallel::prelude::*;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 

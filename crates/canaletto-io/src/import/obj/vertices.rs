@@ -11,8 +11,8 @@ use super::faces::NONE;
 use super::keyword::Keyword;
 use canaletto::math::Rgb;
 use canaletto::texture::srgb_decode;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 
 /// The vertex lists of a file.
 #[derive(Default)]

@@ -29,11 +29,11 @@ use canaletto::math::Rgb;
 use canaletto::memory;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
 use canaletto::texture::{ColorSpace, srgb_decode};
+use canaletto_parallel::prelude::*;
 use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header, Kind};
 use payload::{Payload, Row};
-use rayon::prelude::*;
 use std::io;
 
 /// PLY in the table of formats.

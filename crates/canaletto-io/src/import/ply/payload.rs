@@ -7,7 +7,7 @@ use super::header::{Element, Encoding, Header, Kind};
 use crate::content::View;
 use crate::import::lines::{ImportError, Lines, Token};
 use crate::import::{number, unreadable};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::ops::Range;
 
 /// The numbers of one row.

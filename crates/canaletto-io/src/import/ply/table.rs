@@ -13,8 +13,8 @@ use super::{Extra, Positions, Vertices, Wanted, from_top};
 use crate::content::View;
 use canaletto::math::Rgb;
 use canaletto::memory;
+use canaletto_parallel::prelude::*;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// The number of bytes that are read at a time. Larger pieces exceed the cache; smaller ones need too many system
 /// calls.

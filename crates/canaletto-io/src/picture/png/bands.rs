@@ -6,8 +6,8 @@
 //! the work; the flush and the band's own codes cost some 20 bytes.
 
 use super::Compression;
+use canaletto_parallel::prelude::*;
 use flate2::{Compress, FlushCompress};
-use rayon::prelude::*;
 use simd_adler32::Adler32;
 use std::io;
 use std::ops::Range;
@@ -62,7 +62,7 @@ pub(super) fn compressed(
             Ok((part, checksum(filtered), filtered.len()))
         },
     );
-    let bands: Vec<(Vec<u8>, u32, usize)> = bands.collect::<io::Result<_>>()?;
+    let bands: Vec<(Vec<u8>, u32, usize)> = bands.collect().into_iter().collect::<io::Result<_>>()?;
     let checksum = bands.iter().fold(1, |sum, (_, next, length)| joined(sum, *next, *length));
     let mut parts: Vec<Vec<u8>> = bands.into_iter().map(|(part, ..)| part).collect();
     // The header declares a window of 32 KiB and the compression level (RFC 1950, 2.2). The stream ends with an empty

@@ -6,8 +6,8 @@ use super::choice::ViewAxes;
 use crate::film::srgb_encode;
 use crate::math::{DRay, offset_origin};
 use crate::world::{Hit, World};
+use canaletto_parallel::prelude::*;
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 /// A picture of display values with alpha.
 #[derive(Clone, Debug, PartialEq)]

@@ -114,7 +114,7 @@ fn far_rectangles() {
 /// Each face of a tetrahedron sends all its light to the three others.
 #[test]
 fn tetrahedra_sum_to_one() {
-    let [a, b, c, d] = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]].map(|p| glam::IVec3::from(p).as_dvec3());
+    let [a, b, c, d] = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]].map(|p| DVec3::from(p.map(f64::from)));
     let third = polygon_to_polygon(&[b, a, c], &[a, b, d]).unwrap();
     assert!((third.value - 1.0 / 3.0).abs() < 1e-12, "{third:?}");
     for i in 0..60 {

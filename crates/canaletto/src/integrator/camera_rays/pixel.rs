@@ -97,11 +97,11 @@ impl<'a> PixelRenderer<'a> {
     /// Calls `add` with the colour and weight of each sample of the pixel in column `x` and row `y` from the top left.
     /// Returns the number of rays traced for it. A probe observes ray after ray. For adaptive sampling, the number
     /// includes the first samples at the pixel's own corner and centre.
-    pub(crate) fn pixel<'w, P: Probe + ?Sized>(
+    pub(crate) fn pixel<'w>(
         &mut self,
         integrator: &mut impl RayIntegrator<'w>,
         [x, y]: [u32; 2],
-        probe: &mut P,
+        probe: &mut dyn Probe,
         add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
         let sampling = self.job.film.sampling;
@@ -258,26 +258,26 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// Calls `add` with the colour of each sample of a block of a pixel's samples. A probe observes ray after ray.
-    pub(crate) fn block_with_probe<'w, P: Probe + ?Sized>(
+    pub(crate) fn block_with_probe<'w>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         pixel: [u32; 2],
         [first, size]: [u32; 2],
-        probe: &mut P,
+        probe: &mut dyn Probe,
         add: &mut dyn FnMut(Rgb),
     ) {
         let sample =
             |index: u32| (self.progressive_sample(pixel, index), progressive_spacing(self.job.sample_count(), index));
-        self.trace_each(integrator, (first..first + size).map(sample), probe, &mut |color, _| add(color));
+        self.trace_each(integrator, &mut (first..first + size).map(sample), probe, &mut |color, _| add(color));
     }
 
     /// Calls `add` with what the job's rays see at places of a pixel, with weights, as a rasteriser looks at them.
-    pub(crate) fn at_places<'w, P: Probe + ?Sized>(
+    pub(crate) fn at_places<'w>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         pixel: [u32; 2],
         places: &[([f64; 2], f64)],
-        probe: &mut P,
+        probe: &mut dyn Probe,
         add: &mut dyn FnMut(Rgb, f64),
     ) {
         let (camera, spacing) = (self.job.camera.at(0.0), sample_spacing(self.job));
@@ -292,12 +292,7 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// The colour along a ray with a unit direction that no pixel sends, at the shutter's opening.
-    pub(crate) fn along<'w, P: Probe + ?Sized>(
-        &self,
-        integrator: &mut impl RayIntegrator<'w>,
-        line: DRay,
-        probe: &mut P,
-    ) -> Rgb {
+    pub(crate) fn along<'w>(&self, integrator: &mut impl RayIntegrator<'w>, line: DRay, probe: &mut dyn Probe) -> Rgb {
         probe.sample([0.0; 2], 1.0);
         integrator.begin(self.sampler.pixel([0; 2]).sample(0, 1), 0.0);
         integrator.eye(line, None, probe)
@@ -472,25 +467,25 @@ impl<'a> PixelRenderer<'a> {
     }
 
     /// Calls `add` with samples whose rays a probe observes, and returns the number of these rays.
-    fn trace_with_probe<'w, P: Probe + ?Sized>(
+    fn trace_with_probe<'w>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
         camera_samples: impl Iterator<Item = CameraSample>,
         sampling: Sampling,
-        probe: &mut P,
+        probe: &mut dyn Probe,
         add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
-        let samples = camera_samples.map(|sample| (sample, spacing(sampling)));
-        self.trace_each(integrator, samples, probe, add)
+        let mut samples = camera_samples.map(|sample| (sample, spacing(sampling)));
+        self.trace_each(integrator, &mut samples, probe, add)
     }
 
     /// Calls `add` with the colour and weight of each sample, whose rays a probe observes. The samples have their
     /// [`spacing`]s with them. Returns the number of these rays.
-    fn trace_each<'w, P: Probe + ?Sized>(
+    fn trace_each<'w>(
         &self,
         integrator: &mut impl RayIntegrator<'w>,
-        camera_samples: impl Iterator<Item = (CameraSample, f64)>,
-        probe: &mut P,
+        camera_samples: &mut dyn Iterator<Item = (CameraSample, f64)>,
+        probe: &mut dyn Probe,
         add: &mut dyn FnMut(Rgb, f64),
     ) -> u64 {
         let before = integrator.counts().total();

@@ -104,7 +104,7 @@ fn met(primitive: u32, body: Option<Body>, outside: bool, opaque: bool) -> Bound
 fn row(media: &mut Media, mut all: Vec<BoundaryHit>, set: u32) -> (Vec<(u32, Option<f64>)>, u32) {
     let first = all[0].hit;
     all.sort_by_key(BoundaryHit::crossing_rank);
-    let Boundary::At(mut at) = media.coinciding_boundary(&all, &first, set, &mut ()) else { panic!() };
+    let Boundary::At(mut at) = media.coinciding_boundary(&all, &first, set, &mut |_| ()) else { panic!() };
     let mut row = Vec::new();
     loop {
         let Crossing { hit, refraction, beyond, next, .. } = media.crossings[at as usize];
@@ -152,7 +152,7 @@ fn two_halves_of_a_mesh_are_one() {
         let mut sorted = all.to_vec();
         sorted.sort_by_key(BoundaryHit::crossing_rank);
         // The faces are present. Nothing lies between them, and neither refracts the ray.
-        let boundary = media.coinciding_boundary(&sorted, &all[0].hit, set, &mut ());
+        let boundary = media.coinciding_boundary(&sorted, &all[0].hit, set, &mut |_| ());
         let beyond = match boundary {
             Boundary::Hidden(beyond) => beyond,
             Boundary::At(at) => {

@@ -241,7 +241,7 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
         self.set_time(time);
     }
 
-    fn eye<P: Probe + ?Sized>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
+    fn eye(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut dyn Probe) -> Rgb {
         self.path(line, differential.copied(), self.sample, probe)
     }
 

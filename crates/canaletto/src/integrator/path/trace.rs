@@ -17,7 +17,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
 use crate::shape::Surface;
-use crate::world::{GeometryProbe, Hit};
+use crate::world::Hit;
 use canaletto_bvh::Ray;
 use glam::DVec3;
 
@@ -231,10 +231,7 @@ impl PathTracer<'_> {
             self.poll(1);
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
             probe.path(PathEvent::Ray { ray: path.ray(), depth: path.depth });
-            step = match path.segment.kind {
-                Kind::Eye => self.arrive(&mut path, found, probe),
-                _ => self.arrive(&mut path, found, &mut BeyondEye(probe)),
-            };
+            step = self.arrive(&mut path, found, probe);
         }
     }
 
@@ -276,7 +273,9 @@ impl PathTracer<'_> {
     /// Takes a path to the first visible surface of its ray, and on from there. `found` is the ray's first hit.
     pub(super) fn arrive<P: Probe + ?Sized>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Step {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
-        let Some((met, is_first)) = self.meet(&path.segment, found, probe) else {
+        let seen =
+            if is_eye { self.meet(&path.segment, found, probe) } else { self.meet(&path.segment, found, &mut ()) };
+        let Some((met, is_first)) = seen else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
             // A path that nothing has bent is on its first surface.
             let arriving = match self.hides_background && path.depth == 1 {
@@ -653,19 +652,4 @@ fn found<P: Probe + ?Sized>(
 ) -> Rgb {
     probe.path(PathEvent::Found { emitter, radiance, densities });
     densities.map_or(radiance, |densities| radiance * densities.weight_of_scattering())
-}
-
-/// A probe of a path's rays beyond the first one: it observes the path alone.
-struct BeyondEye<'p, P: ?Sized>(&'p mut P);
-
-impl<P: Probe + ?Sized> GeometryProbe for BeyondEye<'_, P> {
-    fn is_active(&self) -> bool {
-        false
-    }
-}
-
-impl<P: Probe + ?Sized> Probe for BeyondEye<'_, P> {
-    fn path(&mut self, event: PathEvent) {
-        self.0.path(event);
-    }
 }

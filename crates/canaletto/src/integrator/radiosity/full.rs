@@ -7,7 +7,7 @@ use super::link::Link;
 use super::mesh::PatchMesh;
 use super::{Balanced, RadiosityError, RadiositySettings};
 use crate::job::{Observer, SolvingPhase};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The largest area of a patch, relative to all area times the squared wanted error.
@@ -56,7 +56,7 @@ pub(super) fn full(
         this.tell(observer, SolvingPhase::Links { round: 1, rounds: 1 }, found);
         links
     };
-    let links: Vec<Link> = (0..leaves.len()).into_par_iter().flat_map_iter(row).collect();
+    let links: Vec<Link> = (0..leaves.len()).into_par_iter().map(row).collect().concat();
     let (light, gathering, residual) = solve(this, &links, &given.all(), &given.closed, Light::default(), observer)?;
     Ok(Balanced { given, light, residual, exchanges: links.len(), gathering: Some(gathering) })
 }

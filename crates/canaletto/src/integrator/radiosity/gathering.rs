@@ -3,8 +3,8 @@
 use super::balance::push;
 use super::link::Link;
 use super::mesh::PatchMesh;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// What a node receives from another, relative to the other's radiance.
 #[derive(Clone, Copy, Debug)]
@@ -61,10 +61,11 @@ impl Gathering {
         let with_visibility = |link: &Link| {
             let visibility = link.visibility;
             let factor = move |(receiver, source, factor)| (receiver, Factor { source, factor, visibility });
-            of_link(link).into_iter().map(factor)
+            of_link(link).into_iter().map(factor).collect::<Vec<_>>()
         };
-        let mut all: Vec<(u32, Factor)> = links.par_iter().flat_map_iter(with_visibility).collect();
-        all.par_sort_unstable_by_key(|&(receiver, Factor { source, .. })| (receiver, source));
+        let mut all: Vec<(u32, Factor)> = links.par_iter().map(with_visibility).collect().concat();
+        let place = |&(receiver, Factor { source, .. }): &(u32, Factor)| (receiver, source);
+        rayon::slice::ParallelSliceMut::par_sort_unstable_by_key(&mut *all, place);
         let mut firsts = vec![0; mesh.nodes() + 1];
         all.iter().for_each(|&(receiver, ..)| firsts[receiver as usize + 1] += 1);
         (0..mesh.nodes()).for_each(|node| firsts[node + 1] += firsts[node]);

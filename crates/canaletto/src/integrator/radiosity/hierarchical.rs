@@ -7,8 +7,8 @@ use super::mesh::PatchMesh;
 use super::sources::Arriving;
 use super::{Balanced, RadiosityError, RadiositySettings};
 use crate::job::{Observer, SolvingPhase};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// The largest error of a link, relative to the wanted error times all reflected light.
 const LINK_SHARE: f64 = 3e-4;

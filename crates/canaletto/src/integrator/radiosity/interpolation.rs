@@ -8,8 +8,8 @@
 use super::local_pass::LocalPass;
 use super::mesh::{Element, PatchMesh};
 use super::solution::ArrivingLight;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// The steps per unit in which normals of flat surfaces that share vertices are equal.

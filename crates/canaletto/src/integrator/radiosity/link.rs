@@ -7,8 +7,8 @@ use super::RadiosityError;
 use super::exchange::{Effort, Exchange};
 use super::mesh::PatchMesh;
 use crate::job::{Observer, SolvingPhase};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// A link between two nodes that get light from each other.
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +105,7 @@ impl Refinement<'_, '_> {
     /// Keeps links between pairs that can't be refined any more.
     fn keep_all(&self, pairs: &[Pair], kept: &mut Vec<Link>) {
         let link = |&pair: &Pair| self.link(pair, self.exchange(pair, Effort::All)?);
-        kept.extend(pairs.par_iter().filter_map(link).collect::<Vec<Link>>());
+        kept.extend(pairs.par_iter().filter_map(link).collect());
     }
 
     /// The exchange of a pair; none if it must be refined.

@@ -8,8 +8,8 @@ use super::hierarchical::means;
 use super::mesh::PatchMesh;
 use super::outline::CELLS;
 use crate::world::OccluderCache;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// How far vertices are moved towards the centre of their patch, relative to the distance. A vertex in the plane of a

@@ -8,8 +8,8 @@ use crate::job::{Observer, SolvingPhase, SolvingProgress};
 use crate::math::Rgb;
 use crate::world::{Solids, World};
 use canaletto_bvh::Aabb;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::cell::Cell;
 
 /// No node.

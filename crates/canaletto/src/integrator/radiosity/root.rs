@@ -8,8 +8,8 @@ use crate::math::{DRay, offset_origin, rounding};
 use crate::shape::Shape;
 use crate::world::{Facet, Hit, Solids, World};
 use canaletto_bvh::{Aabb, Bvh};
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 

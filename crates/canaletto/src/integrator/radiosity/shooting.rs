@@ -8,8 +8,8 @@ use super::hierarchical::{Given, given, means};
 use super::mesh::PatchMesh;
 use super::{Balanced, RadiosityError, RadiositySettings, RadiositySolution};
 use crate::job::{Observer, SolvingPhase};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// The share of all light that may be missing because light stays unsent, relative to the wanted error.
 const UNSENT: f64 = 0.1;

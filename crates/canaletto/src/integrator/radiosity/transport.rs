@@ -8,8 +8,8 @@ use super::local_pass::{LocalPass, LocalRadiance, SeenNode};
 use super::mesh::{NONE, PatchMesh};
 use super::{Balanced, RadiositySolution};
 use crate::world::Hit;
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// A solved balance with its links.
 pub(crate) struct Transport<'w> {

@@ -13,8 +13,8 @@ use super::{Footprint, Place, Smoothing};
 use crate::Named;
 use crate::math::Rgb;
 use crate::texture::{Image, Pyramid, Weighing, zone};
+use canaletto_parallel::prelude::*;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// The layout of pages over the directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //! refined one by one, and the results are discarded.
 
 use super::{BaseMesh, Vertex};
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A vertex and its height.

@@ -10,8 +10,8 @@ use crate::world::build::reuse::Found;
 use crate::world::build_error::hierarchy_error;
 use crate::world::data::geometry::Geometry;
 use crate::world::data::instance::NONE;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 impl Builder {
     pub(in crate::world) fn mesh_geometry(

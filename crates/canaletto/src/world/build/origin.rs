@@ -9,8 +9,8 @@ use crate::math::Transform;
 use crate::scene::{Content, Extrinsics, Node, View};
 use crate::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use crate::world::World;
+use canaletto_parallel::prelude::*;
 use glam::{DAffine3, DVec3, Vec3};
-use rayon::prelude::*;
 
 /// Coordinates are far from zero if they are more than this multiple of the object's size. `f32` then rounds them by
 /// 2⁻¹⁴ of that size.
@@ -36,7 +36,7 @@ fn join([a, b]: Span, [c, d]: Span) -> Span {
 pub(in crate::world) fn span(points: &[Vec3]) -> Span {
     let none = || [Vec3::INFINITY, Vec3::NEG_INFINITY];
     let join = |a: [Vec3; 2], b: [Vec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    points.par_iter().fold(none, |all, p| join(all, [*p, *p])).reduce(none, join).map(Vec3::as_dvec3)
+    points.par_iter().map(|p| [*p, *p]).reduce(none, join).map(Vec3::as_dvec3)
 }
 
 /// The least power of two that isn't smaller than `size`.

@@ -2,8 +2,8 @@
 
 use crate::shape::Mesh;
 use canaletto_bvh::Aabb;
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// The largest distance between coinciding faces, relative to their largest coordinate. It is far larger than the one
 /// that rays use.

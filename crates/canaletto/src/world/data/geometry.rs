@@ -7,10 +7,10 @@ use crate::shape::{
 use crate::world::WorldStats;
 use crate::world::data::instance::NONE;
 use canaletto_bvh::{
-    Aabb, BuildError, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh, UserPrimitive,
-    sphere,
+    Aabb, BuildError, FilterFunction, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh,
+    UserPrimitive, sphere,
 };
-use rayon::prelude::*;
+use canaletto_parallel::prelude::*;
 
 /// The most shapes that are tested one by one. A tree over twelve shapes took longer.
 pub(in crate::world) const MAX_LISTED: usize = 16;
@@ -180,7 +180,7 @@ impl Geometry {
     }
 
     /// [`Geometry::occluded`] for a ray that isn't prepared.
-    pub(in crate::world) fn occluded_few(&self, ray: &Ray, t_max: f32, blocks: impl FnMut(u32) -> bool) -> Option<u32> {
+    pub(in crate::world) fn occluded_few(&self, ray: &Ray, t_max: f32, blocks: &mut FilterFunction) -> Option<u32> {
         match self {
             Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
             Geometry::Cylinders { tree, cloud } => tree.occluded_few(ray, t_max, &cylinder(cloud), blocks),
@@ -225,12 +225,8 @@ impl Geometry {
     }
 
     /// The slot of a primitive that is hit at or before `t_max` and for which `blocks` returns true, if there is one.
-    pub(in crate::world) fn occluded(
-        &self,
-        ray: &PreparedRay,
-        t_max: f32,
-        blocks: impl FnMut(u32) -> bool,
-    ) -> Option<u32> {
+    /// `blocks` is called through a pointer, so that the kernels are compiled once.
+    pub(in crate::world) fn occluded(&self, ray: &PreparedRay, t_max: f32, blocks: &mut FilterFunction) -> Option<u32> {
         match self {
             Geometry::Mesh { triangles, mesh } => triangles.occluded(ray, t_max, mesh.one_sided, blocks),
             Geometry::Shapes { tree, shapes, .. } => tree.occluded(ray, t_max, &other(shapes), blocks),
@@ -464,7 +460,7 @@ mod tests {
                             "{scale} {:?}",
                             ray.ray()
                         );
-                        let place = geometry.occluded(ray, t_max, |_| true);
+                        let place = geometry.occluded(ray, t_max, &mut |_| true);
                         assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray());
                         assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max)));
                     }

@@ -201,7 +201,7 @@ impl World {
                     false
                 };
                 if body.overlaps_itself {
-                    geometry.occluded(ray, f32::INFINITY, meet);
+                    geometry.occluded(ray, f32::INFINITY, &mut meet);
                 } else {
                     meet(part);
                 }
@@ -246,7 +246,7 @@ impl World {
         self.any_instance(&ray.prepare(), t_max, &mut |instance, number| {
             let geometry = &self.geometry.geometries[instance.geometry as usize];
             instance.with_local_ray(&ray.prepare(), &self.geometry.chains, time, |ray| {
-                geometry.occluded(ray, t_max, |primitive| {
+                geometry.occluded(ray, t_max, &mut |primitive| {
                     if let Some(ShapeHit { part, uv, .. }) = geometry.intersect_one(primitive, ray, t_max) {
                         f(Hit { instance: number, primitive, part, uv, ..nowhere });
                     }

@@ -11,8 +11,8 @@ use crate::world::data::instance::Instance;
 use crate::world::data::shells::Shells;
 use crate::world::trace::query::Hit;
 use canaletto_bvh::{Aabb, BuildError, Bvh, Ray};
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// The largest distance between touching faces, relative to their largest coordinate: eight units in the last place.
 const TOUCHING: f32 = 8.0 * f32::EPSILON;
@@ -159,7 +159,7 @@ impl<'w> Solids<'w> {
         let Some(shells) = &self.shells[placed.geometry as usize] else { return 0 };
         let mut met = Vec::new();
         placed.with_local_ray(&ray.prepare(), &self.world.geometry.chains, 0.0, |local| {
-            geometry.occluded(local, f32::INFINITY, |triangle| {
+            geometry.occluded(local, f32::INFINITY, &mut |triangle| {
                 if shells.around(triangle).is_some_and(|(slot, _)| slot == solid.part)
                     && geometry.intersect_one(triangle, local, f32::INFINITY).is_some()
                 {

@@ -15,8 +15,8 @@ use crate::world::data::instance::{Instance, NONE};
 use crate::world::data::motion::around;
 use crate::world::trace::query::Hit;
 use canaletto_bvh::Aabb;
+use canaletto_parallel::prelude::*;
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 /// The index of the empty box, and of the box around all zones.
 const NOWHERE: u32 = 0;

@@ -296,7 +296,7 @@ impl Geometry {
             end(part.prepare(), t_max, |_, ray, t_max| {
                 // Once a ray is outside the occluder's shadow, further tests of it rarely succeed.
                 if *last == NONE || !self.blocks(*last, ray, t_max) {
-                    *last = self.occluded(ray, t_max, |_| true).unwrap_or(NONE);
+                    *last = self.occluded(ray, t_max, &mut |_| true).unwrap_or(NONE);
                 }
                 *last != NONE
             });
@@ -314,10 +314,10 @@ impl Geometry {
         match self {
             Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, &part, t_max, blocks),
             _ if self.is_few() => end(part.rays(), t_max, |index, ray, t_max| {
-                self.occluded_few(ray, t_max, |primitive| blocks(index, primitive)).is_some()
+                self.occluded_few(ray, t_max, &mut |primitive| blocks(index, primitive)).is_some()
             }),
             _ => end(part.prepare(), t_max, |index, ray, t_max| {
-                self.occluded(ray, t_max, |primitive| blocks(index, primitive)).is_some()
+                self.occluded(ray, t_max, &mut |primitive| blocks(index, primitive)).is_some()
             }),
         }
     }

@@ -82,7 +82,7 @@ impl World {
                 next += 1;
             }
             let FilterLevel { filter, numbers, entering, .. } = &mut level;
-            root.tree.filter(filter, &root.slot_bounds, |slot, members, ends| {
+            root.tree.filter(filter, &root.slot_bounds, &mut |slot, members, ends| {
                 let index = root.tree.order()[slot as usize];
                 if !counts(index) {
                     return;
@@ -143,7 +143,7 @@ impl World {
         }
         let FilterLevel { filter, numbers, t_scales, entering } = &mut level;
         let group = way.group;
-        group.tree.filter(filter, &group.slot_bounds, |slot: u32, members: &[u32], ends: &mut RayEnds| {
+        group.tree.filter(filter, &group.slot_bounds, &mut |slot: u32, members: &[u32], ends: &mut RayEnds| {
             let index = group.tree.order()[slot as usize];
             let (member, number) = (&group.instances[index as usize], way.number(index));
             entering.clear();

@@ -285,7 +285,7 @@ impl World {
             }
             let geometry = &self.geometry.geometries[instance.geometry as usize];
             let slot = instance.with_local_ray(ray, &self.geometry.chains, time, |ray| {
-                geometry.occluded(ray, t_max, |primitive| {
+                geometry.occluded(ray, t_max, &mut |primitive| {
                     let opaque = !self.media.has_clear || self.material_at(instance, primitive).is_opaque();
                     *clear |= !opaque;
                     opaque
@@ -304,7 +304,7 @@ impl World {
         &self,
         ray: &PreparedRay,
         t_max: f32,
-        blocks: &mut impl FnMut(&Instance, u32) -> bool,
+        blocks: &mut dyn FnMut(&Instance, u32) -> bool,
     ) -> bool {
         let root = &self.geometry.root;
         root.tree.occluded(ray, t_max, |leaf| {
@@ -355,7 +355,7 @@ impl World {
             }
             if !self.media.has_clear
                 && let Some(local) = way.local_ray(instance, ray.ray())
-                && self.geometry.geometries[instance.geometry as usize].occluded(&local, t_max, |_| true).is_none()
+                && self.geometry.geometries[instance.geometry as usize].occluded(&local, t_max, &mut |_| true).is_none()
             {
                 return false;
             }

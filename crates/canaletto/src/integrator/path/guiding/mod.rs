@@ -16,9 +16,9 @@ mod recorder;
 
 pub(crate) use recorder::{GuidingRecord, GuidingRecorder};
 
+use canaletto_parallel::prelude::*;
 use glam::{DVec3, Vec3};
 use mixture::{LocalMixture, Mixture, RadianceSample};
-use rayon::prelude::*;
 
 /// The most records of a cell that isn't divided.
 const RECORDS_PER_CELL: usize = 4096;

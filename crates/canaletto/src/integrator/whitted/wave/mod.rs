@@ -132,7 +132,7 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         Whitted::begin(self, sample, time);
     }
 
-    fn eye<P: Probe + ?Sized>(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut P) -> Rgb {
+    fn eye(&mut self, line: DRay, differential: Option<&RayDifferential>, probe: &mut dyn Probe) -> Rgb {
         Whitted::eye(self, line, differential, probe)
     }
 
