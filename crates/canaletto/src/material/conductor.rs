@@ -6,8 +6,8 @@
 
 use super::bsdf::mirrored_at;
 use super::conductor_albedo::conductor_albedo;
-use super::ggx::{Ggx, Masking, on_circle};
-use super::{BsdfSample, Lobe, MaterialPoint, MicrofacetOptions, Phong, ScatteringFrame, fresnel_conductor, reflect};
+use super::ggx::{Ggx, on_circle};
+use super::{BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
 use crate::math::{Rgb, select};
 use glam::{DMat3, DVec2, DVec3};
@@ -26,9 +26,6 @@ pub struct Conductor {
     /// The radiance that the surface emits by itself ([`Phong::emission`]).
     #[serde(default)]
     pub emission: Rgb,
-    /// Options of the scattering by microfacets.
-    #[serde(default)]
-    pub microfacets: MicrofacetOptions,
 }
 
 /// Metals by name: η and k in red, green and blue. The first five are means of published measurements over the three
@@ -58,7 +55,7 @@ pub const METALS: [(&str, [f32; 3], [f32; 3]); 15] = [
 impl Conductor {
     /// A polished metal with this complex index.
     pub fn new(eta: Rgb, k: Rgb) -> Conductor {
-        Conductor { eta, k, roughness: 0.0, emission: Rgb::BLACK, microfacets: MicrofacetOptions::default() }
+        Conductor { eta, k, roughness: 0.0, emission: Rgb::BLACK }
     }
 
     /// A metal by its name in [`METALS`].
@@ -99,27 +96,18 @@ pub(crate) struct ConductorPoint {
     f0: Rgb,
     /// The width of the facets, 0 for a polished metal.
     pub(crate) alpha: f64,
-    microfacets: MicrofacetOptions,
 }
 
 impl ConductorPoint {
     pub(crate) fn new(conductor: &Conductor, point: &MaterialPoint) -> ConductorPoint {
-        let Conductor { eta, k, microfacets, .. } = *conductor;
+        let Conductor { eta, k, .. } = *conductor;
         let roughness = f64::from(point.classic.roughness);
-        ConductorPoint { eta, k, f0: fresnel_conductor(1.0, eta, k), alpha: roughness * roughness, microfacets }
-    }
-
-    /// Whether it scatters to all sides, by facets whose masking is the usual one.
-    pub(crate) fn is_rough_and_correlated(&self) -> bool {
-        self.alpha > 0.0 && self.microfacets.masking == Masking::HeightCorrelated
+        ConductorPoint { eta, k, f0: fresnel_conductor(1.0, eta, k), alpha: roughness * roughness }
     }
 
     /// The factor of what one scattering reflects towards the cosine `cos`, with what facets reflect to each other.
     pub(crate) fn returned(&self, cos: f64) -> Rgb {
-        if !self.microfacets.multiple_scattering {
-            return Rgb::WHITE;
-        }
-        let albedo = conductor_albedo(cos, self.alpha, self.microfacets.masking) as f32;
+        let albedo = conductor_albedo(cos, self.alpha) as f32;
         let lost = (1.0 - albedo) / albedo;
         Rgb::WHITE + self.f0 * lost
     }
@@ -149,7 +137,7 @@ impl ConductorBsdf {
         MetalFacets {
             eta: point.eta,
             k: point.k,
-            ggx: Ggx::isotropic(point.alpha, point.microfacets.masking),
+            ggx: Ggx::isotropic(point.alpha),
             facing: frame.facing,
             may_be_bent: frame.is_bent(),
             axes,
@@ -294,6 +282,11 @@ mod tests {
     use super::super::bsdf_tests::{albedo, bsdf_of, check_sampling, direction};
     use super::*;
 
+    fn point(conductor: Conductor, roughness: f32) -> ConductorPoint {
+        let conductor = Conductor { roughness, ..conductor };
+        ConductorPoint::new(&conductor, &MaterialPoint { classic: conductor.classic(), ..MaterialPoint::default() })
+    }
+
     fn metal(conductor: Conductor, roughness: f32) -> Bsdf {
         bsdf_of(Conductor { roughness, ..conductor }, ScatteringFrame::flat(DVec3::Z, 1.0))
     }
@@ -315,9 +308,10 @@ mod tests {
     fn facets_mirror_by_their_angle() {
         let gold = Conductor::named("gold").unwrap();
         let (wo, wi) = (direction(50.0), direction(-75.0));
+        // What one scattering mirrors, without what facets reflect to each other.
         let single = |conductor: Conductor| {
-            let microfacets = MicrofacetOptions { multiple_scattering: false, ..MicrofacetOptions::default() };
-            metal(Conductor { microfacets, ..conductor }, 0.6).eval(wo, wi)
+            let [all, returned] = [metal(conductor, 0.6).eval(wo, wi), point(conductor, 0.6).returned(wo.z)];
+            Rgb::new(all.r / returned.r, all.g / returned.g, all.b / returned.b)
         };
         // A metal with k ≫ η mirrors all light.
         let white = single(Conductor::new(Rgb::gray(1e-6), Rgb::gray(1e6)));
@@ -334,13 +328,10 @@ mod tests {
     #[test]
     fn lost_light_comes_back_with_the_metals_colour() {
         let gold = Conductor::named("gold").unwrap();
-        let microfacets = MicrofacetOptions { multiple_scattering: false, ..MicrofacetOptions::default() };
-        let [all, single] =
-            [gold, Conductor { microfacets, ..gold }].map(|c| metal(c, 1.0).eval(DVec3::Z, direction(40.0)));
         let (kept, f0) = (1.0 - std::f32::consts::LN_2, fresnel_conductor(1.0, gold.eta, gold.k));
-        for ((all, single), f0) in all.to_array().into_iter().zip(single.to_array()).zip(f0.to_array()) {
+        for (returned, f0) in point(gold, 1.0).returned(1.0).to_array().into_iter().zip(f0.to_array()) {
             let gain = 1.0 + f0 * (1.0 - kept) / kept;
-            assert!((all / single / gain - 1.0).abs() < 5e-3, "{all}, {single}, {gain}");
+            assert!((returned / gain - 1.0).abs() < 5e-3, "{returned}, {gain}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! The light that one scattering by a rough metal keeps, in a table that is computed when it is first used.
 
-use super::ggx::{Ggx, Masking};
+use super::ggx::Ggx;
 use super::reflect;
 use glam::DVec3;
 use std::sync::LazyLock;
@@ -13,17 +13,14 @@ const POINTS: u32 = 512;
 
 type Table = [[f32; SIDE]; SIDE];
 
-static HEIGHT_CORRELATED: LazyLock<Table> = LazyLock::new(|| table(Masking::HeightCorrelated));
-static SEPARABLE: LazyLock<Table> = LazyLock::new(|| table(Masking::Separable));
-
-fn table(masking: Masking) -> Table {
+static TABLE: LazyLock<Table> = LazyLock::new(|| {
     std::array::from_fn(|row| {
         std::array::from_fn(|column| {
             let [alpha, cos] = [row, column].map(|index| place(index) * place(index));
-            mean_shadowing(cos, &Ggx::isotropic(alpha, masking), POINTS) as f32
+            mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS) as f32
         })
     })
-}
+});
 
 /// The value of a row or column, from nearly 0 to 1.
 fn place(index: usize) -> f64 {
@@ -46,16 +43,13 @@ fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32) -> f64 {
 }
 
 /// E(cos θ, α): the albedo of one scattering by a metal that reflects all light, interpolated in the table.
-pub(super) fn conductor_albedo(cos: f64, alpha: f64, masking: Masking) -> f64 {
+pub(super) fn conductor_albedo(cos: f64, alpha: f64) -> f64 {
     let [(row, down), (column, right)] = [alpha, cos].map(|value| {
         let at = value.clamp(0.0, 1.0).sqrt() * (SIDE - 1) as f64;
         let index = (at as usize).min(SIDE - 2);
         (index, at - index as f64)
     });
-    let table: &Table = match masking {
-        Masking::HeightCorrelated => &HEIGHT_CORRELATED,
-        Masking::Separable => &SEPARABLE,
-    };
+    let table: &Table = &TABLE;
     let along = |row: usize| f64::from(table[row][column]) * (1.0 - right) + f64::from(table[row][column + 1]) * right;
     along(row) * (1.0 - down) + along(row + 1) * down
 }
@@ -70,9 +64,9 @@ mod tests {
         for (alpha, cos, expected) in
             [(1.0f64, 1.0, 1.0 - std::f64::consts::LN_2), (0.5, 1.0, 0.687_849), (0.2, 1.0, 0.947_658)]
         {
-            let ours = mean_shadowing(cos, &Ggx::isotropic(alpha, Masking::HeightCorrelated), POINTS);
+            let ours = mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS);
             assert!((ours - expected).abs() < 2e-3, "{alpha}: {ours}");
-            let looked_up = conductor_albedo(cos, alpha, Masking::HeightCorrelated);
+            let looked_up = conductor_albedo(cos, alpha);
             assert!((looked_up - ours).abs() < 5e-3, "{alpha}: {looked_up}");
         }
     }
@@ -80,25 +74,13 @@ mod tests {
     /// The table holds the means over many facets, also between its rows and columns.
     #[test]
     fn tables_hold_the_means_over_facets() {
-        for masking in [Masking::HeightCorrelated, Masking::Separable] {
-            for alpha in [0.01, 0.04, 0.11, 0.3, 0.5, 0.72, 0.97] {
-                let ggx = Ggx::isotropic(alpha, masking);
-                for degrees in [0.0f64, 20.0, 40.0, 60.0, 70.0, 80.0, 85.0, 88.0] {
-                    let cos = libm::cos(degrees.to_radians());
-                    let (ours, exact) = (conductor_albedo(cos, alpha, masking), mean_shadowing(cos, &ggx, 20_000));
-                    assert!((ours - exact).abs() < 1.5e-3, "{alpha}, {degrees}°: {ours} for {exact}");
-                }
+        for alpha in [0.01, 0.04, 0.11, 0.3, 0.5, 0.72, 0.97] {
+            let ggx = Ggx::isotropic(alpha);
+            for degrees in [0.0f64, 20.0, 40.0, 60.0, 70.0, 80.0, 85.0, 88.0] {
+                let cos = libm::cos(degrees.to_radians());
+                let (ours, exact) = (conductor_albedo(cos, alpha), mean_shadowing(cos, &ggx, 20_000));
+                assert!((ours - exact).abs() < 1.5e-3, "{alpha}, {degrees}°: {ours} for {exact}");
             }
-        }
-    }
-
-    /// Facets that are seen are also lit more often where both grow with their height.
-    #[test]
-    fn separable_masking_loses_more() {
-        for (cos, alpha) in [(0.2, 0.3), (0.6, 0.7), (0.9, 1.0)] {
-            let [correlated, separable] =
-                [Masking::HeightCorrelated, Masking::Separable].map(|masking| conductor_albedo(cos, alpha, masking));
-            assert!(separable < correlated && correlated < 1.0, "{cos}, {alpha}: {separable}, {correlated}");
         }
     }
 }

@@ -6,7 +6,7 @@ use super::bsdf::mirrored_at;
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::{Ggx, on_circle};
 use super::{
-    BsdfSample, Lobe, MaterialPoint, MicrofacetOptions, Phong, ScatteringFrame, SpecularTransmission,
+    BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission,
     fresnel_dielectric, reflect, refract,
 };
 use crate::math::Rgb;
@@ -25,15 +25,12 @@ pub struct Dielectric {
     /// The radiance that the surface emits by itself ([`Phong::emission`]).
     #[serde(default)]
     pub emission: Rgb,
-    /// Options of the scattering by microfacets.
-    #[serde(default)]
-    pub microfacets: MicrofacetOptions,
 }
 
 impl Dielectric {
     /// A polished clear body with this η.
     pub fn new(eta: f32) -> Dielectric {
-        Dielectric { eta, roughness: 0.0, emission: Rgb::BLACK, microfacets: MicrofacetOptions::default() }
+        Dielectric { eta, roughness: 0.0, emission: Rgb::BLACK }
     }
 
     /// The clear body that comes nearest, for integrators without this model.
@@ -49,14 +46,13 @@ impl Dielectric {
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricBsdf {
     alpha: f64,
-    microfacets: MicrofacetOptions,
     frame: ScatteringFrame,
 }
 
 impl DielectricBsdf {
-    pub(super) fn new(dielectric: &Dielectric, point: &MaterialPoint, frame: ScatteringFrame) -> DielectricBsdf {
+    pub(super) fn new(point: &MaterialPoint, frame: ScatteringFrame) -> DielectricBsdf {
         let roughness = f64::from(point.classic.roughness);
-        DielectricBsdf { alpha: roughness * roughness, microfacets: dielectric.microfacets, frame }
+        DielectricBsdf { alpha: roughness * roughness, frame }
     }
 
     /// Whether both sides have one η, so that nothing is mirrored or bent.
@@ -71,15 +67,6 @@ impl DielectricBsdf {
 
     pub(super) fn is_delta(&self) -> bool {
         self.alpha == 0.0 || self.is_index_matched()
-    }
-
-    fn ggx(&self) -> Ggx {
-        Ggx::isotropic(self.alpha, self.microfacets.masking)
-    }
-
-    fn albedo(&self) -> Option<DielectricAlbedo> {
-        let options = self.microfacets;
-        options.multiple_scattering.then(|| DielectricAlbedo::new(self.frame.eta_ratio, self.alpha, options.masking))
     }
 
     /// Radiance is squeezed with the solid angle where light enters a denser medium: (ηₒ/ηᵢ)².
@@ -117,15 +104,10 @@ struct BoundaryFacets {
     /// The axes of the facets as columns, and the viewer's direction in them.
     axes: DMat3,
     wo: DVec3,
-    /// What facets lose, if it is given back.
-    lost: Option<LostLight>,
-}
-
-/// The light that one scattering loses, and how it is given back.
-struct LostLight {
     albedo: DielectricAlbedo,
-    /// What is lost from the viewer's direction.
+    /// The light that one scattering loses from the viewer's direction.
     lost: f64,
+    /// How lost light is given back.
     back: GivenBack,
 }
 
@@ -156,12 +138,10 @@ impl SeenDielectric {
         let facets = (!bsdf.is_delta()).then(|| {
             let axes = bsdf.frame.facet_axes(wo);
             let local = axes.transpose() * wo;
-            let lost = bsdf.albedo().map(|albedo| LostLight {
-                albedo,
-                lost: albedo.lost(local.z, true),
-                back: albedo.given_back(),
-            });
-            BoundaryFacets { ggx: bsdf.ggx(), eta_ratio: bsdf.frame.eta_ratio, axes, wo: local, lost }
+            let (ggx, eta_ratio) = (Ggx::isotropic(bsdf.alpha), bsdf.frame.eta_ratio);
+            let albedo = DielectricAlbedo::new(eta_ratio, bsdf.alpha);
+            let (lost, back) = (albedo.lost(local.z, true), albedo.given_back());
+            BoundaryFacets { ggx, eta_ratio, axes, wo: local, albedo, lost, back }
         });
         SeenDielectric { bsdf, wo, facets }
     }
@@ -186,9 +166,9 @@ impl SeenDielectric {
     pub(super) fn eval(&self, wi: DVec3) -> Rgb {
         let Some(facets) = &self.facets else { return Rgb::BLACK };
         let above = wi.dot(self.bsdf.frame.facing) > 0.0;
+        let BoundaryFacets { albedo, lost, back, .. } = facets;
         let f = self.both(facets, wi, |i| {
             let single = facets.pdf(i) * facets.ggx.shadowing(facets.wo, i);
-            let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
             let (share, loss) =
                 if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
             single + lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI
@@ -211,11 +191,10 @@ impl SeenDielectric {
     pub(super) fn pdf(&self, wi: DVec3) -> f64 {
         let Some(facets) = &self.facets else { return 0.0 };
         let above = wi.dot(self.bsdf.frame.facing) > 0.0;
+        let BoundaryFacets { albedo, lost, back, .. } = facets;
         self.both(facets, wi, |i| {
-            let single = facets.pdf(i);
-            let Some(LostLight { albedo, lost, back }) = &facets.lost else { return single };
             let share = if above { back.mirrored } else { 1.0 - back.mirrored };
-            single * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
+            facets.pdf(i) * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
         })
     }
 
@@ -225,21 +204,17 @@ impl SeenDielectric {
             return Some(BsdfSample { wi: -wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
         }
         let Some(facets) = &self.facets else { return self.bsdf.smooth(wo, u_lobe) };
-        let o = facets.wo;
+        let BoundaryFacets { ggx, wo: o, albedo, lost, back, .. } = facets;
         // The lobe of lost light, or a facet.
-        let lost = facets.lost.as_ref().map_or(0.0, |light| light.lost);
-        let (is_mirrored, i) = match &facets.lost {
-            Some(LostLight { albedo, lost, back }) if u_lobe < *lost => {
-                let is_mirrored = u_lobe < lost * back.mirrored;
-                let cos = albedo.sample_lost(u[1], is_mirrored);
-                let z = if is_mirrored { cos } else { -cos };
-                (is_mirrored, (on_circle(u[0]) * (1.0 - cos * cos).max(0.0).sqrt()).extend(z))
-            }
-            _ => {
-                let m = facets.ggx.sample_visible(o, u);
-                let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
-                (is_mirrored, if is_mirrored { reflect(o, m) } else { refract(o, m, ratio)? })
-            }
+        let (is_mirrored, i) = if u_lobe < *lost {
+            let is_mirrored = u_lobe < lost * back.mirrored;
+            let cos = albedo.sample_lost(u[1], is_mirrored);
+            let z = if is_mirrored { cos } else { -cos };
+            (is_mirrored, (on_circle(u[0]) * (1.0 - cos * cos).max(0.0).sqrt()).extend(z))
+        } else {
+            let m = ggx.sample_visible(*o, u);
+            let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
+            (is_mirrored, if is_mirrored { reflect(*o, m) } else { refract(*o, m, ratio)? })
         };
         if (i.z > 0.0) != is_mirrored {
             return None;

@@ -14,7 +14,7 @@
 //! relation for the mean F of Fresnel's share, 1 − F = η² (1 − F'). So 1 − x is 1 − F times min(L, L') / L.
 
 use super::fresnel_dielectric;
-use super::ggx::{Ggx, Masking, on_circle};
+use super::ggx::{Ggx, on_circle};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -194,7 +194,7 @@ impl Side {
 }
 
 impl Row {
-    fn new(index: usize, row: usize, masking: Masking) -> Row {
+    fn new(index: usize, row: usize) -> Row {
         // The first and last one have no finite η of their own. The last one mirrors nearly all light.
         let s = (index as f64).clamp(0.02, INDICES as f64 - 1e-3) / INDICES as f64;
         let eta = (1.0 + s) / (1.0 - s);
@@ -203,7 +203,7 @@ impl Row {
             .map(|i| fresnel_dielectric(((f64::from(i) + 0.5) / f64::from(STEPS)).sqrt(), 1.0 / eta))
             .sum::<f64>()
             / f64::from(STEPS);
-        let ggx = Ggx::isotropic(row_alpha(row), masking);
+        let ggx = Ggx::isotropic(row_alpha(row));
         Row {
             sides: [false, true].map(|is_denser| Side::new(eta, is_denser, &ggx)),
             mean_fresnel,
@@ -211,12 +211,10 @@ impl Row {
         }
     }
 
-    fn get(index: usize, row: usize, masking: Masking) -> &'static Row {
+    fn get(index: usize, row: usize) -> &'static Row {
         type Rows = [OnceLock<Box<Row>>; ROWS];
-        static ALL: [[Rows; INDICES + 1]; 2] =
-            [const { [const { [const { OnceLock::new() }; ROWS] }; INDICES + 1] }; 2];
-        ALL[usize::from(masking == Masking::Separable)][index][row]
-            .get_or_init(|| Box::new(Row::new(index, row, masking)))
+        static ALL: [Rows; INDICES + 1] = [const { [const { OnceLock::new() }; ROWS] }; INDICES + 1];
+        ALL[index][row].get_or_init(|| Box::new(Row::new(index, row)))
     }
 }
 
@@ -247,14 +245,14 @@ pub(super) struct DielectricAlbedo {
 
 impl DielectricAlbedo {
     /// The albedos of a boundary with `eta_ratio` = ηᵢ/ηₜ, of the viewer's side over the other one.
-    pub(super) fn new(eta_ratio: f64, alpha: f64, masking: Masking) -> DielectricAlbedo {
+    pub(super) fn new(eta_ratio: f64, alpha: f64) -> DielectricAlbedo {
         let eta = eta_ratio.max(1.0 / eta_ratio);
         let indices = split((eta - 1.0) / (eta + 1.0) * INDICES as f64, INDICES);
         let roughnesses = split(alpha.sqrt() * (ROWS - 1) as f64, ROWS - 1);
         let rows = [0, 1, 2, 3].map(|i: usize| {
             let ((index, by_index), (row, by_row)) = (indices[i / 2], roughnesses[i % 2]);
             let share = by_index * by_row;
-            (share > 0.0).then(|| (Row::get(index, row, masking), share))
+            (share > 0.0).then(|| (Row::get(index, row), share))
         });
         DielectricAlbedo { eta, alpha, is_denser: eta_ratio > 1.0, rows }
     }
@@ -358,9 +356,9 @@ mod tests {
         let facets = facets(10_946, 0.5);
         for eta in [1.1, 1.33, 1.5, 2.4] {
             for roughness in [0.05f64, 0.1, 0.21, 0.35, 0.5, 0.72, 1.0] {
-                let ggx = Ggx::isotropic(roughness * roughness, Masking::HeightCorrelated);
+                let ggx = Ggx::isotropic(roughness * roughness);
                 for ratio in [1.0 / eta, eta] {
-                    let table = DielectricAlbedo::new(ratio, ggx.alpha[0], ggx.masking);
+                    let table = DielectricAlbedo::new(ratio, ggx.alpha[0]);
                     for degrees in [0.0f64, 20.0, 41.0, 45.0, 50.0, 65.0, 75.0, 80.0, 85.0, 88.0] {
                         let (sin, cos) = libm::sincos(degrees.to_radians());
                         let [ours, exact] =

@@ -4,61 +4,21 @@
 //! All directions are in the frame of the surface, where z is the normal and the viewer is above it.
 
 use crate::math::{larger, select, smaller};
-use crate::named;
 use glam::{DVec2, DVec3};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
-
-/// The relation between the microfacets that the viewer sees and those that light reaches.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Masking {
-    /// High facets are seen more often and lit more often: G₂ = 1 / (1 + Λ(wo) + Λ(wi)).
-    #[default]
-    HeightCorrelated,
-    /// Both are independent: G₂ = G₁(wo) G₁(wi). Some programs use this older form.
-    Separable,
-}
-
-named!(Masking {
-    HeightCorrelated => "height-correlated",
-    Separable => "separable",
-});
-
-/// What scattering by microfacets leaves out or simplifies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MicrofacetOptions {
-    /// The masking function.
-    #[serde(default)]
-    pub masking: Masking,
-    /// Whether light that goes from facet to facet is given back. Without it rough surfaces are too dark.
-    #[serde(default = "yes")]
-    pub multiple_scattering: bool,
-}
-
-fn yes() -> bool {
-    true
-}
-
-impl Default for MicrofacetOptions {
-    fn default() -> MicrofacetOptions {
-        MicrofacetOptions { masking: Masking::default(), multiple_scattering: true }
-    }
-}
 
 /// The distribution of microfacets on a rough surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ggx {
     /// The widths αx and αy > 0 along the two axes of the surface.
     pub(super) alpha: [f64; 2],
-    pub(super) masking: Masking,
 }
 
 impl Ggx {
     /// The distribution of width α in all directions.
     #[inline(always)]
-    pub(crate) fn isotropic(alpha: f64, masking: Masking) -> Ggx {
-        Ggx { alpha: [alpha; 2], masking }
+    pub(crate) fn isotropic(alpha: f64) -> Ggx {
+        Ggx { alpha: [alpha; 2] }
     }
 
     /// The direction with x and y scaled by α.
@@ -91,16 +51,11 @@ impl Ggx {
     }
 
     /// G₂ / G₁(wo): the share of the facets seen by the viewer that light along `wi` reaches. `wi` is on either side.
+    /// High facets are seen more often and lit more often: G₂ = 1 / (1 + Λ(wo) + Λ(wi)).
     #[inline(always)]
     pub(super) fn shadowing(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let i = self.lambda(wi);
-        match self.masking {
-            Masking::Separable => 1.0 / (1.0 + i),
-            Masking::HeightCorrelated => {
-                let o = self.lambda(wo);
-                (1.0 + o) / (1.0 + o + i)
-            }
-        }
+        let (o, i) = (self.lambda(wo), self.lambda(wi));
+        (1.0 + o) / (1.0 + o + i)
     }
 
     /// G₂: the share of the facets that both the viewer and the light reach.
@@ -190,7 +145,7 @@ mod tests {
     fn the_cap_has_all_facets_that_mirror_upwards() {
         let mut random = Random(1);
         for alpha in [[0.2, 0.2], [0.7, 0.7], [1.0, 1.0], [0.9, 0.3]] {
-            let ggx = Ggx { alpha, masking: Masking::default() };
+            let ggx = Ggx { alpha };
             let mut nearest = f64::INFINITY;
             for _ in 0..40_000 {
                 let [wo, wi] = [(); 2].map(|()| {

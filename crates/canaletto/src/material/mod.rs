@@ -37,7 +37,6 @@ pub use dielectric::{Dielectric, DielectricBsdf};
 pub use diffuse_bsdf::DiffuseBsdf;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub(crate) use ggx::{Ggx, on_circle};
-pub use ggx::{Masking, MicrofacetOptions};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use medium::{HenyeyGreenstein, Medium, MediumSample};
 pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};
@@ -164,7 +163,7 @@ impl Material {
                 }
             }
             MaterialModel::Conductor(metal) => Bsdf::Conductor(ConductorBsdf::new(metal, point, frame)),
-            MaterialModel::Dielectric(body) => Bsdf::Dielectric(DielectricBsdf::new(body, point, frame)),
+            MaterialModel::Dielectric(_) => Bsdf::Dielectric(DielectricBsdf::new(point, frame)),
             MaterialModel::Standard(surface) => Bsdf::Standard(StandardBsdf::new(surface, point, frame)),
         }
     }

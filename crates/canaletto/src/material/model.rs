@@ -1,6 +1,6 @@
 //! The closed set of material models.
 
-use super::{Conductor, Dielectric, MicrofacetOptions, Parameter, ParameterValue, Phong, StandardSurface};
+use super::{Conductor, Dielectric, Parameter, ParameterValue, Phong, StandardSurface};
 use crate::OutOfRange;
 use serde::{Deserialize, Serialize};
 
@@ -85,15 +85,6 @@ impl MaterialModel {
             _ => return false,
         }
         true
-    }
-
-    /// The options of the scattering by microfacets, of models that have them.
-    pub fn microfacets_mut(&mut self) -> Option<&mut MicrofacetOptions> {
-        match self {
-            MaterialModel::Phong(_) | MaterialModel::Standard(_) => None,
-            MaterialModel::Conductor(Conductor { microfacets, .. })
-            | MaterialModel::Dielectric(Dielectric { microfacets, .. }) => Some(microfacets),
-        }
     }
 
     /// Whether bodies of the model have no surface in air: η is 1.

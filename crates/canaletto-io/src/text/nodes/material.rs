@@ -7,14 +7,14 @@ use crate::text::arithmetic::DIELECTRIC;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, flag, quoted, rgb};
+use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
 use canaletto::material::{
-    Conductor, Dielectric, METALS, Masking, Material, MaterialModel, Medium, MicrofacetOptions, Parameter,
+    Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter,
     ParameterInfo, ParameterValue, Phong, Target,
 };
 use canaletto::math::Rgb;
-use canaletto::{Named, OutOfRange};
+use canaletto::OutOfRange;
 use std::collections::HashMap;
 
 const NAME: Field<Text> = Field::text("name", "the name that objects refer to").needed();
@@ -138,18 +138,6 @@ const ALPHA: Field<f32> =
 /// Two ways to say how rough a surface is.
 pub(super) const ROUGHNESS_OR_ALPHA: [&str; 2] = [Parameter::ALL[Parameter::Roughness as usize].name, ALPHA.name()];
 
-const MASKING: Field<Masking> = Field::word(
-    "masking",
-    "for rough metals and clear bodies: whether the microfacets that are seen are also lit more often, or both are \
-     independent, as in some other programs",
-)
-.or(|| quoted(Masking::default().name()));
-const MULTIPLE_SCATTERING: Field<bool> = Field::new(
-    "multiple-scattering",
-    "for rough metals and clear bodies: #false loses the light that goes from microfacet to microfacet",
-)
-.or(|| flag(MicrofacetOptions::default().multiple_scattering));
-
 /// What the two models leave out.
 const OF_PHONG: [Parameter; 6] = [
     Parameter::Diffuse,
@@ -171,9 +159,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             DIELECTRIC_FIELD.schema,
             STANDARD_FIELD.schema,
             ALPHA.schema,
-            MASKING.schema,
-            MULTIPLE_SCATTERING.schema,
-            ABSORPTION.schema,
+                    ABSORPTION.schema,
             MEDIUM_FIELD.schema,
             TEMPERATURE.schema,
             TWO_SIDED.schema,
@@ -323,23 +309,6 @@ impl<'a> Decoder<'a> {
         self.doubt_effect(fields, &TEMPERATURE, emits, dark, "it is the colour of the emission, as in: emission 5");
     }
 
-    /// Changes the options of the scattering by microfacets.
-    fn change_microfacets(&mut self, fields: &Fields, model: &mut MaterialModel) {
-        let (masking, multiple_scattering) = (fields.word(&MASKING), fields.get(&MULTIPLE_SCATTERING));
-        if let Some(options) = model.microfacets_mut() {
-            change(&mut options.masking, masking);
-            change(&mut options.multiple_scattering, multiple_scattering);
-            return;
-        }
-        for (name, given) in
-            [(MASKING.name(), masking.is_some()), (MULTIPLE_SCATTERING.name(), multiple_scattering.is_some())]
-        {
-            if given {
-                self.out_of_range(fields, &OutOfRange::new(name, "is for conductor and dielectric; leave it out"));
-            }
-        }
-    }
-
     /// Changes what a material of the standard surface has beside its block.
     fn change_beside_standard(&mut self, fields: &Fields, material: &mut Material) {
         let before = self.validator.report.count();
@@ -347,8 +316,6 @@ impl<'a> Decoder<'a> {
             ALPHA.name(),
             ABSORPTION.name(),
             TEMPERATURE.name(),
-            MASKING.name(),
-            MULTIPLE_SCATTERING.name(),
         ]);
         for name in in_block.filter(|name| fields.has_named(name)) {
             let problem = "isn't of the standard surface, whose numbers stand in its block; leave it out";
@@ -407,7 +374,6 @@ impl<'a> Decoder<'a> {
             material.model.set(Parameter::Roughness, ParameterValue::Number(roughness));
             material.model.set(Parameter::Emission, ParameterValue::Color(emission));
         }
-        self.change_microfacets(fields, &mut material.model);
         self.either(fields, &number(Parameter::Roughness.info()), &ALPHA);
         let alpha = fields.get(&ALPHA);
         if let Some(alpha) = alpha.filter(|alpha| !(0.0..=1.0).contains(alpha)) {

@@ -75,7 +75,7 @@ impl OpaqueMaterial {
             MaterialModel::Phong(_) => OpaqueKind::Diffuse(diffuse_color(material.plain())?),
             MaterialModel::Conductor(conductor) => {
                 let point = ConductorPoint::new(conductor, material.plain());
-                if !point.is_rough_and_correlated() {
+                if point.alpha == 0.0 {
                     return None;
                 }
                 OpaqueKind::Metal(point)

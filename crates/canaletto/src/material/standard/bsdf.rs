@@ -1,7 +1,7 @@
 //! The scattering of a standard surface at a point: evaluation, sampling and density over all its lobes.
 
 use super::super::bsdf::mirrored_at;
-use super::super::ggx::{Ggx, Masking};
+use super::super::ggx::Ggx;
 use super::super::{
     BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
 };
@@ -176,7 +176,7 @@ impl StandardBsdf {
     }
 
     pub(super) fn coat_ggx(&self) -> Ggx {
-        Ggx { alpha: self.coat.alpha.map(f64::from), masking: Masking::HeightCorrelated }
+        Ggx { alpha: self.coat.alpha.map(f64::from) }
     }
 
     /// The share that a facet of a dielectric base mirrors; of a thin wall, with all reflections inside it.

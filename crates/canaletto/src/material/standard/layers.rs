@@ -4,7 +4,7 @@
 
 use super::super::conductor_albedo::conductor_albedo;
 use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept, facets};
-use super::super::ggx::{Ggx, Masking};
+use super::super::ggx::Ggx;
 use super::super::{fresnel_dielectric, reflect};
 use super::bsdf::StandardBsdf;
 use super::fuzz::Fuzz;
@@ -132,7 +132,7 @@ fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
             dielectric_albedo::kept(wo, eta_ratio, ggx, &FACETS)
         };
     }
-    DielectricAlbedo::new(eta_ratio, x, ggx.masking).kept(wo.z, true)
+    DielectricAlbedo::new(eta_ratio, x).kept(wo.z, true)
 }
 
 impl StandardBsdf {
@@ -285,7 +285,7 @@ impl StandardBsdf {
         let ggx = self.ggx();
         let [x, y] = ggx.alpha;
         if x == y {
-            return conductor_albedo(wo.z, x, ggx.masking);
+            return conductor_albedo(wo.z, x);
         }
         stretched_albedo(wo, 1.0, &ggx).0
     }
@@ -306,6 +306,6 @@ impl StandardBsdf {
 
     /// The distribution of the base's facets.
     pub(super) fn ggx(&self) -> Ggx {
-        Ggx { alpha: self.alpha.map(f64::from), masking: Masking::HeightCorrelated }
+        Ggx { alpha: self.alpha.map(f64::from) }
     }
 }

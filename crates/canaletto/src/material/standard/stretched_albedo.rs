@@ -5,7 +5,7 @@
 //! stretch where it is strong.
 
 use super::super::dielectric_albedo::{Kept, facets, kept, split};
-use super::super::ggx::{Ggx, Masking};
+use super::super::ggx::Ggx;
 use super::super::reflect;
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -59,7 +59,7 @@ fn computed_row(index: usize, roughness: usize, stretch: usize) -> Row {
 /// The distribution of facets of a roughness r and αy / αx.
 fn stretched(roughness: f64, stretch: f64) -> Ggx {
     let along = roughness * roughness * (2.0 / (1.0 + stretch * stretch)).sqrt();
-    Ggx { alpha: [along, along * stretch], masking: Masking::HeightCorrelated }
+    Ggx { alpha: [along, along * stretch] }
 }
 
 fn albedos(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Albedos {

@@ -2,7 +2,7 @@
 
 use super::kernels::Arrived;
 use super::{LANES, rgb};
-use crate::material::{ConductorPoint, DiffuseBsdf, Ggx, Lobe, Masking, MetalFacets, ScatteringFrame, on_circle};
+use crate::material::{ConductorPoint, DiffuseBsdf, Ggx, Lobe, MetalFacets, ScatteringFrame, on_circle};
 use crate::math::Rgb;
 use crate::shape::{DVec3x8, Vec3x8, dvec3, set_dvec3, set_vec3};
 use canaletto_bvh::{InstructionSet, Kernel};
@@ -171,7 +171,7 @@ impl MetalBsdfs<'_> {
         MetalFacets {
             eta: rgb(&self.eta, lane),
             k: rgb(&self.k, lane),
-            ggx: Ggx::isotropic(self.alpha[lane], Masking::HeightCorrelated),
+            ggx: Ggx::isotropic(self.alpha[lane]),
             facing: dvec3(self.facing, lane),
             may_be_bent: self.may_be_bent,
             axes: DMat3::from_cols(dvec3(x, lane), dvec3(y, lane), dvec3(z, lane)),
