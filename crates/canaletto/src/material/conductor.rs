@@ -279,7 +279,7 @@ impl SeenConductor {
 #[cfg(test)]
 mod tests {
     use super::super::Bsdf;
-    use super::super::bsdf_tests::{albedo, bsdf_of, check_sampling, direction};
+    use super::super::testing::{albedo, bsdf_of, check_sampling, direction};
     use super::*;
 
     fn point(conductor: Conductor, roughness: f32) -> ConductorPoint {

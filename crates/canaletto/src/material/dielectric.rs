@@ -6,8 +6,7 @@ use super::bsdf::mirrored_at;
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
 use super::ggx::{Ggx, on_circle};
 use super::{
-    BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission,
-    fresnel_dielectric, reflect, refract,
+    BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
 };
 use crate::math::Rgb;
 use glam::{DMat3, DVec3};

@@ -1,10 +1,6 @@
 //! Materials: how surfaces respond to light.
 
-#[cfg(test)]
-mod bent_tests;
 mod bsdf;
-#[cfg(test)]
-mod bsdf_tests;
 mod bump;
 mod conductor;
 mod conductor_albedo;
@@ -24,9 +20,11 @@ mod point;
 mod prepared;
 mod refract;
 mod standard;
-mod texture_use;
 #[cfg(test)]
-mod weight_tests;
+mod testing;
+#[cfg(test)]
+mod tests;
+mod texture_use;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
 pub(crate) use bsdf::{SeenBsdf, SpecularTransmission};

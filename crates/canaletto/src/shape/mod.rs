@@ -28,8 +28,6 @@ mod spherical_rectangle;
 mod spherical_triangle;
 mod surface;
 mod surface_differential;
-#[cfg(test)]
-mod surface_differential_tests;
 mod surfaces;
 mod tessellate;
 #[cfg(test)]

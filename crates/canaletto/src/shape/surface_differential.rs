@@ -75,3 +75,6 @@ pub(super) fn turn_gradient(out: DVec3, x: DVec3, z: DVec3, radius: f64, size: f
 pub(super) fn around(out: DVec3, x: DVec3, z: DVec3) -> DVec3 {
     x * out.dot(z) - z * out.dot(x)
 }
+
+#[cfg(test)]
+mod tests;

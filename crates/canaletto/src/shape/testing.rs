@@ -17,17 +17,27 @@ impl Random {
         ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
     }
 
+    /// A number in [−1, 1).
+    pub(crate) fn signed(&mut self) -> f32 {
+        self.within(-1.0, 1.0)
+    }
+
+    /// A whole number in 0..n.
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        (self.unit() * n as f32) as usize
+    }
+
     pub(crate) fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
     /// A point in the cube [−1, 1]³.
     pub(crate) fn cube(&mut self) -> Vec3 {
-        Vec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
+        Vec3::new(self.signed(), self.signed(), self.signed())
     }
 
     /// A vector of length 0.1 to 1.7.
-    pub(super) fn vector(&mut self) -> Vec3 {
+    pub(crate) fn vector(&mut self) -> Vec3 {
         loop {
             let v = self.cube();
             if v.length() > 0.1 {

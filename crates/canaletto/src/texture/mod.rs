@@ -9,8 +9,6 @@
 
 mod codec;
 mod ellipse;
-#[cfg(test)]
-mod filter_tests;
 mod grid;
 mod half;
 mod halves;
@@ -24,6 +22,8 @@ mod procedural;
 mod pyramid;
 mod ramp;
 mod space;
+#[cfg(test)]
+mod tests;
 mod worley;
 mod wrap;
 

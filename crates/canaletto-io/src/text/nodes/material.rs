@@ -9,12 +9,12 @@ use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
+use canaletto::OutOfRange;
 use canaletto::material::{
-    Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter,
-    ParameterInfo, ParameterValue, Phong, Target,
+    Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter, ParameterInfo, ParameterValue, Phong,
+    Target,
 };
 use canaletto::math::Rgb;
-use canaletto::OutOfRange;
 use std::collections::HashMap;
 
 const NAME: Field<Text> = Field::text("name", "the name that objects refer to").needed();
@@ -159,7 +159,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             DIELECTRIC_FIELD.schema,
             STANDARD_FIELD.schema,
             ALPHA.schema,
-                    ABSORPTION.schema,
+            ABSORPTION.schema,
             MEDIUM_FIELD.schema,
             TEMPERATURE.schema,
             TWO_SIDED.schema,
@@ -312,11 +312,8 @@ impl<'a> Decoder<'a> {
     /// Changes what a material of the standard surface has beside its block.
     fn change_beside_standard(&mut self, fields: &Fields, material: &mut Material) {
         let before = self.validator.report.count();
-        let in_block = Parameter::ALL.iter().map(|row| row.name).chain([
-            ALPHA.name(),
-            ABSORPTION.name(),
-            TEMPERATURE.name(),
-        ]);
+        let in_block =
+            Parameter::ALL.iter().map(|row| row.name).chain([ALPHA.name(), ABSORPTION.name(), TEMPERATURE.name()]);
         for name in in_block.filter(|name| fields.has_named(name)) {
             let problem = "isn't of the standard surface, whose numbers stand in its block; leave it out";
             self.out_of_range(fields, &OutOfRange::new(name, problem));

@@ -317,3 +317,6 @@ pub(super) fn seen_emission(material: &MaterialPoint, outside: bool) -> Rgb {
     let emission = material.emitted(outside);
     if emission.is_black() { emission } else { emission * (material.coverage * (1.0 - material.overlay.1)) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,24 +11,16 @@
 //! and others of these lights are seen, too: paths find them in mirrors, but not again through clear bodies. The light
 //! of surfaces and of the environment passes bodies that bend it along paths only.
 
-#[cfg(test)]
-mod clear_tests;
 mod description;
 mod direct;
 mod emitter;
-#[cfg(test)]
-mod emitter_tests;
 mod event;
 mod guiding;
 mod light_sampler;
 mod light_tree;
-#[cfg(test)]
-mod material_tests;
 mod meter;
 mod opaque8;
 mod see_through;
-#[cfg(test)]
-mod see_through_tests;
 mod stream;
 #[cfg(test)]
 mod tests;

@@ -119,3 +119,6 @@ impl PathTracer<'_> {
         Rgb::from([0, 1, 2].map(of_channel))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,8 @@
 //! Path tracing against closed forms.
 
+mod clear;
+mod material;
+
 use super::*;
 use crate::camera::Camera;
 use crate::job::Job;

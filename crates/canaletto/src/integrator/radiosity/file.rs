@@ -432,3 +432,6 @@ impl Record for RootPlace {
         Ok((instance, primitive, bool::take(reader)?, part, element))
     }
 }
+
+#[cfg(test)]
+mod tests;

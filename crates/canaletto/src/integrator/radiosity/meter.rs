@@ -364,3 +364,6 @@ impl Place<'_> {
         density * f64::from(self.rays[1])
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -17,15 +17,11 @@
 
 mod balance;
 mod cluster;
-#[cfg(test)]
-mod curved_tests;
 mod cuts;
 mod description;
 mod emitters;
 mod exchange;
 mod file;
-#[cfg(test)]
-mod file_tests;
 mod fingerprint;
 mod full;
 mod gathering;
@@ -35,14 +31,10 @@ mod link;
 mod local_pass;
 mod mesh;
 mod meter;
-#[cfg(test)]
-mod meter_tests;
 mod outline;
 mod root;
 mod second_pass;
 mod shooting;
-#[cfg(test)]
-mod shooting_tests;
 mod solution;
 mod solved_root;
 mod sources;

@@ -178,3 +178,6 @@ pub(super) fn shooting(
 
 /// The reduction of unsent light by as many steps as there are patches, with which light still ends.
 const LEAST_REDUCTION: f64 = 0.999;
+
+#[cfg(test)]
+mod tests;

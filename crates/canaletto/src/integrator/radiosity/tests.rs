@@ -1,5 +1,7 @@
 //! Radiosity against what is known: closed rooms by their formulas, energy, and a dense solution.
 
+mod curved;
+
 use super::*;
 use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Phong};

@@ -1,7 +1,7 @@
 //! Clear bodies against closed forms and independent integrals.
 
-use super::super::bsdf_tests::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
 use super::super::Bsdf;
+use super::super::testing::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
 use super::*;
 
 fn glass(roughness: f32, eta_ratio: f64) -> Bsdf {

@@ -1,5 +1,5 @@
 use super::super::Bsdf;
-use super::super::bsdf_tests::{check_sampling, sphere_integral};
+use super::super::testing::{check_sampling, sphere_integral};
 use super::*;
 use crate::shape::testing::Random;
 use std::f64::consts::PI;

@@ -40,7 +40,7 @@ pub(super) fn eval(color: Rgb, roughness: f64, wo: DVec3, wi: DVec3) -> Rgb {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::bsdf_tests::sphere_integral;
+    use super::super::super::testing::sphere_integral;
     use super::*;
 
     /// The single albedo is the integral of the Fujii form, and a white surface is white.

@@ -1,6 +1,6 @@
 //! The standard surface: densities, albedos, what is lossless, and each layer against a formula.
 
-use super::super::bsdf_tests::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
+use super::super::testing::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
 use super::super::{Bsdf, Lobe, Material, ScatteringFrame};
 use super::*;
 use crate::material::METALS;

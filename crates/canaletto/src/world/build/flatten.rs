@@ -491,3 +491,6 @@ impl Builder {
 pub(in crate::world) fn missing(node: &Node, what: &'static str, index: u32, count: usize) -> BuildError {
     BuildError::Missing { object: node.name.as_deref().unwrap_or("an unnamed node").into(), what, index, count }
 }
+
+#[cfg(test)]
+mod tests;

@@ -106,3 +106,6 @@ impl Builder {
         Ok(all)
     }
 }
+
+#[cfg(test)]
+mod tests;

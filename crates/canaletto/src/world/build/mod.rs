@@ -3,21 +3,15 @@
 
 pub(in crate::world) mod displacement;
 pub(in crate::world) mod flatten;
-#[cfg(test)]
-mod flatten_tests;
 pub(in crate::world) mod geometries;
 pub(in crate::world) mod instancing;
-#[cfg(test)]
-mod instancing_tests;
-#[cfg(test)]
-mod object_id_tests;
 pub(in crate::world) mod origin;
 pub(in crate::world) mod part;
 pub(in crate::world) mod required_spaces;
 pub(in crate::world) mod reuse;
-#[cfg(test)]
-mod reuse_tests;
 pub(in crate::world) mod single_shapes;
+#[cfg(test)]
+mod tests;
 
 use crate::light::environment::{Environment, PreparedEnvironment};
 use crate::light::{Light, PreparedLight};

@@ -193,3 +193,6 @@ impl World {
         World::lower(scene, options, crate::world::build::instancing::InstancingPolicy::default(), before)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -367,30 +367,11 @@ impl Geometry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shape::testing::Random;
     use crate::shape::{Cone, Sphere, Torus};
     use canaletto_bvh::InstructionSet;
     use glam::Vec3;
     use std::cell::Cell;
-
-    /// Marsaglia's xorshift.
-    struct Random(u64);
-
-    impl Random {
-        fn signed(&mut self) -> f32 {
-            self.0 ^= self.0 << 13;
-            self.0 ^= self.0 >> 7;
-            self.0 ^= self.0 << 17;
-            (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-        }
-
-        fn below(&mut self, n: usize) -> usize {
-            ((0.5 + 0.5 * self.signed()) * n as f32) as usize
-        }
-
-        fn vector(&mut self) -> Vec3 {
-            Vec3::new(self.signed(), self.signed(), self.signed())
-        }
-    }
 
     fn real(met: PrimitiveHit) -> Option<PrimitiveHit> {
         (met.id != PrimitiveHit::NONE).then_some(met)

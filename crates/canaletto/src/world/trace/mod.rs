@@ -15,8 +15,6 @@ pub(in crate::world) mod placed;
 pub(in crate::world) mod query;
 pub(in crate::world) mod rays;
 pub(in crate::world) mod shadow;
-#[cfg(test)]
-mod shadow_tests;
 pub(in crate::world) mod shape_list;
 pub(in crate::world) mod textured;
 pub(in crate::world) mod visible_lights;

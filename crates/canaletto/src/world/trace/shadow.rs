@@ -379,3 +379,6 @@ impl World {
         !self.media.has_clear || self.material(&hit).is_opaque()
     }
 }
+
+#[cfg(test)]
+mod tests;

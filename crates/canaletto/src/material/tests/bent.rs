@@ -1,8 +1,8 @@
 //! Bent shading normals: no model loses light by them, none sends light through an opaque surface, and directions keep
 //! their density.
 
-use super::bsdf_tests::{bsdf_of, check_sampling, direction};
-use super::{Bsdf, Conductor, Dielectric, ScatteringFrame, StandardSurface};
+use super::super::testing::{bsdf_of, check_sampling, direction};
+use super::super::{Bsdf, Conductor, Dielectric, ScatteringFrame, StandardSurface};
 use crate::math::Rgb;
 use crate::shape::testing::Random;
 use glam::DVec3;

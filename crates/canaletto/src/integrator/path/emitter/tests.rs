@@ -1,7 +1,7 @@
 //! Sampled emitters against rays in all directions.
 
-use super::light_sampler::{LightSampler, Source};
-use super::light_tree::Receiver;
+use super::super::light_sampler::{LightSampler, Source};
+use super::super::light_tree::Receiver;
 use crate::light::environment::BlockWeights;
 use crate::light::{Emission, Light, LightKind, RectangleLight, SphereLight};
 use crate::material::{Material, Phong};

@@ -1,6 +1,6 @@
 //! Image textures as a whole: filters and prefilters against exact values and against sampled references.
 
-use super::*;
+use super::super::*;
 use glam::DVec3;
 
 fn image(width: u32, height: u32, channels: u8, samples: Samples, space: ColorSpace) -> Image {

@@ -1,6 +1,6 @@
 //! Lights, the sun and clear bodies: each light path is counted once.
 
-use super::tests::{PATH, matte, mean, node, pixels};
+use super::{PATH, matte, mean, node, pixels};
 use crate::light::environment::{Environment, EnvironmentKind, PreparedEnvironment, Sky};
 use crate::light::{Directional, Emission, Light, LightKind, Omni, SphereLight};
 use crate::material::{

@@ -1,7 +1,7 @@
 //! Radiosity on curved surfaces against closed forms. Between any two places inside a ball of radius R the form factor
 //! is A / 4πR², whatever their distance.
 
-use super::*;
+use super::super::*;
 use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::{Rgb, Transform};

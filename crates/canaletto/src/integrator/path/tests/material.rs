@@ -1,6 +1,6 @@
 //! Materials in even light, end to end: what absorbs nothing can't be seen.
 
-use super::tests::{PATH, matte, mean, node, pixels};
+use super::{PATH, matte, mean, node, pixels};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::material::{
     Conductor, Dielectric, Material, Phong, StandardBase, StandardCoat, StandardFuzz, StandardSpecular,

@@ -1,7 +1,7 @@
 //! The weights of scattering events, f cos θ / pdf, of all models over grids of numbers and viewing angles.
 
-use super::bsdf_tests::{bsdf_of, check_sampling, direction};
-use super::{Bsdf, Dielectric, PRESETS, ScatteringFrame, StandardSurface};
+use super::super::testing::{bsdf_of, check_sampling, direction};
+use super::super::{Bsdf, Dielectric, PRESETS, ScatteringFrame, StandardSurface};
 use crate::math::Rgb;
 use crate::shape::testing::Random;
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! Solutions as files, and the fingerprints of their scenes.
 
-use super::fingerprint::SolutionInput;
-use super::*;
+use super::super::fingerprint::SolutionInput;
+use super::super::*;
 use crate::WordHash;
 use crate::camera::Camera;
 use crate::light::environment::{Environment, EnvironmentKind, Smoothing};
@@ -308,7 +308,7 @@ fn other_files_are_refused_with_their_reason() {
 #[test]
 fn the_format_is_that_of_its_version() {
     if std::env::var_os("CANALETTO_BLESS").is_some() {
-        let place = concat!(env!("CARGO_MANIFEST_DIR"), "/src/integrator/radiosity/floor.rad");
+        let place = concat!(env!("CARGO_MANIFEST_DIR"), "/src/integrator/radiosity/file/floor.rad");
         std::fs::write(place, small_file()).unwrap();
     }
     let file = include_bytes!("floor.rad");

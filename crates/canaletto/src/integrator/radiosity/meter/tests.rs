@@ -1,6 +1,6 @@
 //! Light meters against closed forms, and their errors against what they miss.
 
-use super::*;
+use super::super::*;
 use crate::material::{Material, Phong};
 use crate::math::Rgb;
 use crate::scene::{Node, Scene};

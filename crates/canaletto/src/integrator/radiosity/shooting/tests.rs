@@ -1,6 +1,6 @@
 //! What can be seen while patches shoot their light.
 
-use super::*;
+use super::super::*;
 use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Phong};
 use crate::math::Rgb;

@@ -1,7 +1,7 @@
 //! Media and partial coverage against closed forms.
 
-use super::PathSettings;
-use super::tests::{PATH, Spread, matte, mean, node, spread};
+use super::super::PathSettings;
+use super::super::tests::{PATH, Spread, matte, mean, node, spread};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni};
 use crate::material::{Dielectric, Material, Medium, Phong};

@@ -1,7 +1,7 @@
 //! Compares surface differentials with differences of surfaces at neighbouring rays, on every shape.
 
-use super::testing::*;
-use super::*;
+use super::super::testing::*;
+use super::super::*;
 use glam::{DAffine3, DMat3, DVec2, Vec2, Vec3};
 
 /// Compares the changes of point, normal and texture coordinates between two neighbouring rays.

@@ -7,6 +7,7 @@ use crate::material::{Material, Phong};
 use crate::math::{Rgb, Transform};
 use crate::render::{Aov, Job, render};
 use crate::scene::{Content, Extrinsics, FilmSettings, Intrinsics, Node, Scene, WhittedSettings};
+use crate::shape::testing::Random;
 use crate::shape::{Cuboid, Mesh, Plane, Shape, Sphere, SphereCloud, Torus};
 use crate::world::build::instancing::InstancingPolicy;
 use crate::world::build::reuse::Previous;
@@ -21,43 +22,23 @@ fn built(scene: &Scene, instancing: InstancingPolicy) -> World {
     World::lower(scene.clone(), &BuildOptions::default(), instancing, Previous::default()).unwrap()
 }
 
-/// Marsaglia's xorshift.
-struct Random(u64);
-
-impl Random {
-    fn signed(&mut self) -> f32 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        ((0.5 + 0.5 * self.signed()) * n as f32) as usize
-    }
-
-    fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    /// A transform with translations up to `extent`: some transforms are the identity, others move, rotate,
-    /// mirror, shear and stretch.
-    fn place(&mut self, extent: f64) -> Transform {
-        let at = Transform::translate(self.vector().as_dvec3() * extent);
-        let turn = Transform::rotate(self.vector().as_dvec3(), f64::from(self.signed()) * 180.0).unwrap_or_default();
-        let scale = |f: DVec3| Transform::scale(f).unwrap();
-        let shear = DMat3::IDENTITY + DMat3::from_cols(DVec3::ZERO, DVec3::X * 0.7, DVec3::Y * -0.4);
-        let inner = match self.below(7) {
-            0 => return if self.below(2) == 0 { Transform::IDENTITY } else { at },
-            1 => scale(DVec3::new(1.0, -1.0, 1.0)),
-            2 => scale(DVec3::new(1.5, 0.2, 0.7)),
-            3 => scale(DVec3::splat(0.3)),
-            4 => Transform::new(DAffine3::from_mat3(shear)).unwrap(),
-            5 => Transform::translate(DVec3::new(-0.0, 300.0, -0.0)).after(&Transform::translate(-DVec3::Y * 299.5)),
-            _ => Transform::IDENTITY,
-        };
-        at.after(&turn).after(&inner)
-    }
+/// A transform with translations up to `extent`: some transforms are the identity, others move, rotate,
+/// mirror, shear and stretch.
+fn place(random: &mut Random, extent: f64) -> Transform {
+    let at = Transform::translate(random.vector().as_dvec3() * extent);
+    let turn = Transform::rotate(random.vector().as_dvec3(), f64::from(random.signed()) * 180.0).unwrap_or_default();
+    let scale = |f: DVec3| Transform::scale(f).unwrap();
+    let shear = DMat3::IDENTITY + DMat3::from_cols(DVec3::ZERO, DVec3::X * 0.7, DVec3::Y * -0.4);
+    let inner = match random.below(7) {
+        0 => return if random.below(2) == 0 { Transform::IDENTITY } else { at },
+        1 => scale(DVec3::new(1.0, -1.0, 1.0)),
+        2 => scale(DVec3::new(1.5, 0.2, 0.7)),
+        3 => scale(DVec3::splat(0.3)),
+        4 => Transform::new(DAffine3::from_mat3(shear)).unwrap(),
+        5 => Transform::translate(DVec3::new(-0.0, 300.0, -0.0)).after(&Transform::translate(-DVec3::Y * 299.5)),
+        _ => Transform::IDENTITY,
+    };
+    at.after(&turn).after(&inner)
 }
 
 fn tetrahedron(offset: Vec3) -> Mesh {
@@ -97,7 +78,7 @@ fn scene(random: &mut Random, moves: bool) -> Scene {
             } else {
                 Vec::new()
             };
-            Node { material, motion: motion.into(), transform: random.place(2.0).into(), ..Node::new(content) }
+            Node { material, motion: motion.into(), transform: place(random, 2.0).into(), ..Node::new(content) }
         });
         let mut members: Vec<Node> = members.collect();
         if level == 2 {
@@ -106,16 +87,16 @@ fn scene(random: &mut Random, moves: bool) -> Scene {
             let plane = Shape::Plane(Plane { point: Vec3::new(0.0, -40.0, 0.0), normal: Vec3::Y });
             members.push(Node::from(plane).with_material(0));
         }
-        let inside = Node { transform: random.place(1.0).into(), ..Node::new(Content::Group(members)) };
-        prototypes.push(Node { transform: random.place(1.0).into(), ..Node::new(Content::Group(vec![inside])) });
+        let inside = Node { transform: place(random, 1.0).into(), ..Node::new(Content::Group(members)) };
+        prototypes.push(Node { transform: place(random, 1.0).into(), ..Node::new(Content::Group(vec![inside])) });
     }
     let nodes = (0..6).map(|n| {
         let content = Content::Instance(if n == 0 { 4 } else { random.below(5) as u32 });
         let material = (n % 3 == 1).then_some(1);
-        Node { material, transform: random.place(3.0).into(), ..Node::new(content) }
+        Node { material, transform: place(random, 3.0).into(), ..Node::new(content) }
     });
     let mut nodes: Vec<Node> = nodes.collect();
-    nodes.insert(2, Node::new(Content::Mesh(0)).with_transform(&random.place(3.0)));
+    nodes.insert(2, Node::new(Content::Mesh(0)).with_transform(&place(random, 3.0)));
     nodes.push(Node::from(Shape::Sphere(Sphere { center: random.vector(), radius: 0.5 })).with_material(2));
     nodes.push(Node::new(Content::Light(Light::new(LightKind::Omni(Omni::at(Vec3::splat(30.0))), Rgb::gray(0.5)))));
     let centers = (0..40).map(|_| random.vector() * 0.7).collect();

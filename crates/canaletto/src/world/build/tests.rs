@@ -1,0 +1,3 @@
+//! Tests of what several files of the folder do together.
+
+mod object_id;
