@@ -43,11 +43,10 @@ pub(in crate::world) fn confined(hit: ShapeHit, bounds: &Aabb, ray: &PreparedRay
 
 /// The kernel of shapes that the tree holds no copies of.
 fn other(shapes: &[Shape]) -> impl Fn(UserPrimitive, &PreparedRay, f32) -> Option<PrimitiveHit> {
-    #[inline(never)]
-    fn one(shape: &Shape, ray: &PreparedRay, t_max: f32) -> Option<PrimitiveHit> {
+    |asked, ray, t_max| {
+        let shape = &shapes[asked.id as usize];
         confined(shape.intersect(ray.ray(), t_max)?, &shape.bounds()?, ray, t_max)
     }
-    |asked, ray, t_max| one(&shapes[asked.id as usize], ray, t_max)
 }
 
 /// The kernel of trees that hold spheres only.
