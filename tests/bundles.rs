@@ -188,7 +188,7 @@ fn bundles_find_what_brute_force_finds() {
         assert_eq!(world.stats().instances > 8, name.starts_with("many ") && !name.contains("cloud") || name == "many");
         let (mut bundle, mut last) = (RayBundle::default(), OccluderCache::NONE);
         let mut found = [0; 4];
-        for (n, rays) in bundles(900).enumerate() {
+        for (n, rays) in bundles(450).enumerate() {
             // Each ray has a time of its own, or all have one.
             let time = |index: usize| times[if n % 3 == 0 { n } else { n + index } % times.len()];
             bundle.clear();

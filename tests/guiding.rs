@@ -53,7 +53,7 @@ fn the_mean_stays_and_noise_shrinks() {
     let scene = scene("tests/scenes/lamp-in-glass.kdl");
     let world = World::build(scene.clone()).unwrap();
     let of = |guiding, seeds: u64| {
-        let pictures = (0..24).map(|i| render(&world, &job(&scene, guiding, seeds + i, 64), &()).unwrap());
+        let pictures = (0..12).map(|i| render(&world, &job(&scene, guiding, seeds + i, 64), &()).unwrap());
         blocks(&pictures.collect::<Vec<_>>())
     };
     let (on, off) = (of(Guiding::On, 0), of(Guiding::Off, 100));
