@@ -1,7 +1,7 @@
 //! The table of model formats. The extensions that are read, and the messages and help texts that name them, come from
 //! it.
 
-use super::{DefaultShading, nff, obj, ply};
+use super::{DefaultShading, nff, obj, ply, stl};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::Diagnostics;
 use canaletto::scene::Fragment;
@@ -33,7 +33,7 @@ pub enum Holds {
 }
 
 /// All formats, in the order of the help texts.
-pub const FORMATS: &[ModelFormat] = &[obj::FORMAT, ply::FORMAT, nff::FORMAT];
+pub const FORMATS: &[ModelFormat] = &[obj::FORMAT, ply::FORMAT, stl::FORMAT, nff::FORMAT];
 
 impl ModelFormat {
     /// The format of files with this extension, which is in lower case.

@@ -25,6 +25,7 @@ mod precision_warning;
 mod repair;
 mod smooth;
 mod staging;
+mod stl;
 mod table_color;
 mod text;
 mod texture_map;
@@ -155,22 +156,29 @@ fn open(
 }
 
 fn unsupported(file: &str, format: Option<&ModelFormat>, extension: &str, known: &[&str]) -> Diagnostic {
-    let name = match extension {
-        _ if format.is_some() => format.map_or("", |format| format.name),
-        "stl" => "STL",
-        "gltf" | "glb" => "glTF",
-        "fbx" => "FBX",
-        "dae" => "COLLADA",
-        "3ds" => "3DS",
-        "usd" | "usda" | "usdc" | "usdz" => "USD",
-        "blend" => "Blender's format",
-        "off" => "OFF",
-        "step" | "stp" => "STEP",
-        "pbrt" => "pbrt's format",
-        "" => "a file without an extension",
-        other => &other.to_uppercase(),
+    let upper = extension.to_uppercase();
+    // The usual name, and a program that writes what is supported.
+    let (name, program) = match extension {
+        _ if format.is_some() => (format.map_or("", |format| format.name), ""),
+        "gltf" | "glb" => ("glTF", "Blender"),
+        "fbx" => ("FBX", "Blender"),
+        "dae" => ("COLLADA", "Blender"),
+        "3ds" => ("3DS", "assimp"),
+        "usd" | "usda" | "usdc" | "usdz" => ("USD", "Blender"),
+        "blend" => ("Blender's format", "Blender"),
+        "off" => ("OFF", "MeshLab"),
+        "3mf" => ("3MF", "PrusaSlicer"),
+        "step" | "stp" => ("STEP", "FreeCAD"),
+        "ifc" => ("IFC", "FreeCAD"),
+        "iges" | "igs" => ("IGES", "FreeCAD"),
+        "vdb" => ("OpenVDB", "Blender"),
+        "pbrt" => ("pbrt's format", ""),
+        "" => ("a file without an extension", ""),
+        _ => (&*upper, ""),
     };
-    Diagnostic::error(file, format!("{name} isn't supported yet")).help(format!("supported are {}", known.join(", ")))
+    let convert = if program.is_empty() { String::new() } else { format!("; {program} converts it to OBJ or PLY") };
+    let help = format!("supported are {}{convert}", known.join(", "));
+    Diagnostic::error(file, format!("{name} isn't supported yet")).help(help)
 }
 
 /// The error of an open file that can't be read.

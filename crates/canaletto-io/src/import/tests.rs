@@ -90,14 +90,15 @@ fn staging_grows_with_the_model() {
 #[test]
 fn other_formats_are_named() {
     let error = |name: &str| load(name, &MemoryAssets::new()).unwrap_err().to_string();
-    assert_eq!(error("a.stl"), "a.stl: error: STL isn't supported yet\n  help: supported are nff, obj, ply\n");
-    assert!(error("b/a.GLB").starts_with("b/a.GLB: error: glTF isn't supported yet"));
+    let message = "b/a.STP: error: STEP isn't supported yet\n  help: supported are nff, obj, ply, stl; FreeCAD converts it \
+                   to OBJ or PLY\n";
+    assert_eq!(error("b/a.STP"), message);
     assert!(
         error("a.xyzw").contains("XYZW isn't supported yet") && error("noext").contains("a file without an extension")
     );
     assert_eq!(error("a.obj").lines().next(), Some("a.obj: error: there is no file \"a.obj\""));
     let error = load_objects("a.nff", &MemoryAssets::new(), &AssetPath::base()).unwrap_err().to_string();
-    assert!(error.contains("supported are obj, ply"), "{error}");
+    assert!(error.contains("supported are obj, ply, stl"), "{error}");
 }
 
 #[test]

@@ -83,6 +83,19 @@ fn ply_files() {
 }
 
 #[test]
+fn stl_files() {
+    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 .5\nendloop\nendfacet\n";
+    let mut binary = [b"COLOR=\x10\x20\x30\xff".as_slice(), &[0; 70], &2u32.to_le_bytes()].concat();
+    for attribute in [0u16, 0x83ff] {
+        let numbers = [0.0f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.5];
+        binary.extend(numbers.into_iter().flat_map(f32::to_le_bytes));
+        binary.extend(attribute.to_le_bytes());
+    }
+    let text = format!("solid a b\n{facet}{facet}endsolid a b\nsolid\n{facet}endsolid\n");
+    run("stl", &[text.into_bytes(), binary], 400, |_| (), |bytes| model("a.stl", bytes));
+}
+
+#[test]
 fn nff_files() {
     let seeds = seeds([
         "b 0.2 0.3 0.5\nv\nfrom 3 3 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 16 12\nl 5 8 6\nl 1 2 3 .5 .5 .5\n\
