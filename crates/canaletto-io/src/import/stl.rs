@@ -5,8 +5,8 @@
 //! since many programs write zeros.
 //!
 //! Binary facets may have colours in two conventions of 5 bits a channel, which are taken as sRGB. VisCAM and SolidView
-//! set bit 15 and begin with blue. Magics writes `COLOR=` and four bytes to the header, clears bit 15 for a facet with a
-//! colour of its own, and begins with red.
+//! set bit 15 and begin with blue. Magics writes `COLOR=` and four bytes to the header. It clears bit 15 for a facet
+//! with a colour of its own, and begins with red.
 
 use super::lines::{ImportError, Token};
 use super::positions::Positions;
