@@ -105,8 +105,11 @@ impl Reader {
         let source = scene_file::open(&file, &assets, set).map_err(|error| match error {
             OpenError::Mistakes(mistakes) => mistakes.into(),
             OpenError::UnknownFormat => {
+                let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+                let convert = import::foreign_format(&extension)
+                    .map_or(String::new(), |(format, program)| format!("; {program} converts {format} to OBJ or PLY"));
                 Failure::new(Exit::Scene, format!("\"{name}\" isn't a scene or model that can be read"))
-                    .help(format!("scenes end in .kdl, models in .{}", import::extensions().join(", .")))
+                    .help(format!("scenes end in .kdl, models in .{}{convert}", import::extensions().join(", .")))
             }
         })?;
         Ok(Reader { name, source, assets, time: start.elapsed() })

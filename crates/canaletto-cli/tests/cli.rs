@@ -72,8 +72,8 @@ fn exit_codes() {
     folder.run("render s.kdl -o s.jpg").says(2, &[".png or .exr"]);
     folder.run("render s.kdl --aov nromal").says(2, &["did you mean normal?"]);
     folder.run("render s.kdl --set material.red.shine=1").says(2, &["--set", "shine"]);
-    folder.write("t.stl", "solid");
-    folder.run("render t.stl").says(3, &["isn't a scene or model"]);
+    folder.write("t.fbx", "solid");
+    folder.run("render t.fbx").says(3, &["isn't a scene or model", "Blender converts FBX to OBJ or PLY"]);
     folder.run("render nosuch.kdl").says(3, &["can't open nosuch.kdl: no such file"]);
     folder.run("render S.kdll").says(3, &["did you mean s.kdl?"]);
     folder.run("render no/such.kdl").says(3, &["can't open no/such.kdl", "there is no folder no"]);
@@ -81,7 +81,7 @@ fn exit_codes() {
     folder.run("explain s.kdl --pixel 24,0").says(2, &["pixel 24, 0 isn't in the picture of 24 x 16"]);
     folder.run("nonsense").says(2, &["unrecognized"]);
     folder.run("--help").says(0, &["Exit codes:", "130  interrupted"]);
-    assert_eq!(folder.names(), ["t.stl", "wrong.kdl"]);
+    assert_eq!(folder.names(), ["t.fbx", "wrong.kdl"]);
 }
 
 #[test]

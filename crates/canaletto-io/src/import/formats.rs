@@ -42,6 +42,29 @@ impl ModelFormat {
     }
 }
 
+/// Formats that aren't read: their extensions, their usual names, and programs that write what is read.
+const FOREIGN: [(&[&str], &str, &str); 12] = [
+    (&["gltf", "glb"], "glTF", "Blender"),
+    (&["fbx"], "FBX", "Blender"),
+    (&["dae"], "COLLADA", "Blender"),
+    (&["3ds"], "3DS", "assimp"),
+    (&["usd", "usda", "usdc", "usdz"], "USD", "Blender"),
+    (&["blend"], "Blender's format", "Blender"),
+    (&["off"], "OFF", "MeshLab"),
+    (&["3mf"], "3MF", "PrusaSlicer"),
+    (&["step", "stp"], "STEP", "FreeCAD"),
+    (&["iges", "igs"], "IGES", "FreeCAD"),
+    (&["ifc"], "IFC", "FreeCAD"),
+    (&["vdb"], "OpenVDB", "Blender"),
+];
+
+/// The usual name of a format that isn't read, and a program that converts its files to OBJ or PLY. The extension is in
+/// lower case.
+pub fn foreign_format(extension: &str) -> Option<(&'static str, &'static str)> {
+    let row = FOREIGN.iter().find(|(extensions, ..)| extensions.contains(&extension))?;
+    Some((row.1, row.2))
+}
+
 /// The extensions of these formats in alphabetical order, as messages list them.
 pub(super) fn sorted_extensions(formats: impl Iterator<Item = &'static ModelFormat>) -> Vec<&'static str> {
     let mut all: Vec<&str> = formats.flat_map(|format| format.extensions).copied().collect();

@@ -32,7 +32,7 @@ mod texture_map;
 
 pub use cloud::{CloudFormat, CloudSettings, read_cylinders, read_spheres};
 pub use colormap::{Colormap, ColumnColors};
-pub use formats::{FORMATS, Holds, ModelFormat};
+pub use formats::{FORMATS, Holds, ModelFormat, foreign_format};
 pub(crate) use ies::read_ies;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;
@@ -156,27 +156,15 @@ fn open(
 }
 
 fn unsupported(file: &str, format: Option<&ModelFormat>, extension: &str, known: &[&str]) -> Diagnostic {
+    let foreign = foreign_format(extension);
     let upper = extension.to_uppercase();
-    // The usual name, and a program that writes what is supported.
-    let (name, program) = match extension {
-        _ if format.is_some() => (format.map_or("", |format| format.name), ""),
-        "gltf" | "glb" => ("glTF", "Blender"),
-        "fbx" => ("FBX", "Blender"),
-        "dae" => ("COLLADA", "Blender"),
-        "3ds" => ("3DS", "assimp"),
-        "usd" | "usda" | "usdc" | "usdz" => ("USD", "Blender"),
-        "blend" => ("Blender's format", "Blender"),
-        "off" => ("OFF", "MeshLab"),
-        "3mf" => ("3MF", "PrusaSlicer"),
-        "step" | "stp" => ("STEP", "FreeCAD"),
-        "ifc" => ("IFC", "FreeCAD"),
-        "iges" | "igs" => ("IGES", "FreeCAD"),
-        "vdb" => ("OpenVDB", "Blender"),
-        "pbrt" => ("pbrt's format", ""),
-        "" => ("a file without an extension", ""),
-        _ => (&*upper, ""),
+    let name = match (format, foreign) {
+        (Some(format), _) => format.name,
+        (None, Some((name, _))) => name,
+        (None, None) if extension.is_empty() => "a file without an extension",
+        (None, None) => &upper,
     };
-    let convert = if program.is_empty() { String::new() } else { format!("; {program} converts it to OBJ or PLY") };
+    let convert = foreign.map_or(String::new(), |(_, program)| format!("; {program} converts it to OBJ or PLY"));
     let help = format!("supported are {}{convert}", known.join(", "));
     Diagnostic::error(file, format!("{name} isn't supported yet")).help(help)
 }

@@ -1,7 +1,8 @@
 //! Closed parts of a mesh.
 //!
 //! Triangles of one material that are connected by vertices in one place form a part. A part is closed if each edge is
-//! passed as often in one direction as in the other.
+//! passed as often in one direction as in the other. Places at open edges that differ by the rounding of the mesh's
+//! coordinates are one: programs that compute both sides of a seam get sin 2π instead of 0.
 
 use crate::shape::Mesh;
 use crate::world::data::folds::folds;
@@ -54,9 +55,13 @@ impl Shells {
         let (mut open, mut edges) = sides.open_triangles();
         if !open.is_empty() {
             // Vertices in one place may have different numbers, as on both sides of a seam.
-            let welded = weld(&mesh.positions);
+            let mut welded = weld(&mesh.positions);
             sides = Sides::of(mesh, slot, |v| welded[v as usize]);
             (open, edges) = sides.open_triangles();
+            if !open.is_empty() && weld_rounded(mesh, &open, &mut welded) {
+                sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+                (open, edges) = sides.open_triangles();
+            }
         }
         let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
         let mut volumes = vec![0.0; last as usize + 1];
@@ -178,6 +183,41 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
     (0..).zip(positions).map(|(number, p)| *first.entry(place(p)).or_insert(number)).collect()
 }
 
+/// How far apart rounding puts copies of a place: in steps of the largest coordinate.
+const ROUNDINGS: f64 = 4.0;
+
+/// Joins the vertices of open triangles whose places differ by rounding. `welded` holds the number of each vertex' place.
+/// Returns whether any are joined.
+fn weld_rounded(mesh: &Mesh, open: &[u32], welded: &mut [u32]) -> bool {
+    let largest = mesh.positions.iter().fold(0.0f32, |largest, p| largest.max(p.abs().max_element()));
+    let near = ROUNDINGS * f64::from(f32::EPSILON) * f64::from(largest);
+    // Most places are far enough from the ends of their cell that no other cell is asked.
+    let cell = |p: DVec3| (p / (8.0 * near)).floor().to_array().map(|v| v as i64);
+    let corners = |&triangle: &u32| mesh.triangles[triangle as usize].map(|v| welded[v as usize]);
+    let mut places: Vec<u32> = open.iter().flat_map(corners).collect();
+    places.sort_unstable();
+    places.dedup();
+    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    let mut joined: HashMap<u32, u32> = HashMap::new();
+    for place in places {
+        let at = |place: u32| mesh.positions[place as usize].as_dvec3();
+        let p = at(place);
+        let ends = [cell(p - near), cell(p + near)];
+        let around = (0..8).map(|bits| [0, 1, 2].map(|axis: usize| ends[bits >> axis & 1][axis]));
+        let known = around.filter_map(|cell| cells.get(&cell)).flatten();
+        match known.copied().filter(|&other| (at(other) - p).abs().max_element() <= near).min() {
+            Some(other) => {
+                joined.insert(place, other);
+            }
+            None => cells.entry(cell(p)).or_default().push(place),
+        }
+    }
+    for place in welded {
+        *place = joined.get(place).copied().unwrap_or(*place);
+    }
+    !joined.is_empty()
+}
+
 /// For each triangle, whether it isn't connected to an open triangle by sides of its slot.
 fn closed_parts<S: Fn(usize) -> u32>(sides: &Sides<S>, open: &[u32], triangles: usize) -> Vec<bool> {
     let mut parents: Vec<u32> = (0..triangles as u32).collect();
@@ -240,6 +280,22 @@ mod tests {
         let shells = Shells::of(&cube(-0.5, 2.0, false));
         assert!((0..12).all(|triangle| is_near(shells.around(triangle), 8.0)));
         assert_eq!(shells.open_edges(), []);
+    }
+
+    /// A face whose corners are off by a rounding closes a cube. One that is farther off leaves it open.
+    #[test]
+    fn copies_at_a_seam_may_differ_by_rounding() {
+        for (off, is_closed) in [(2.4e-16, true), (-3e-7, true), (1e-5, false)] {
+            for offset in [0.0, 1000.0] {
+                let mut seam = cube(-1.0, 2.0, false);
+                seam.positions[..4].iter_mut().for_each(|p| *p += off * Vec3::new(1.0, -1.0, 1.0));
+                let far = if offset == 0.0 { 1.0 } else { 2e3 };
+                seam.positions.iter_mut().for_each(|p| *p = *p * far + offset);
+                let shells = Shells::of(&seam);
+                assert_eq!(shells.around(7).is_some(), is_closed, "{off}, {offset}");
+                assert_eq!(shells.open_edges().is_empty(), is_closed, "{off}, {offset}");
+            }
+        }
     }
 
     #[test]
