@@ -1,11 +1,9 @@
 //! Explained light of radiosity: what is printed adds up, in its order, to the patch's light and to the pixel.
 
 use canaletto::camera::Camera;
-use canaletto::explain::{
-    Explainer, LightSum, Outcome, PatchNode, PixelTree, PlaceNode, SourceKind, TextStyle, explain,
-};
+use canaletto::explain::{LightSum, Outcome, PatchNode, PixelTree, PlaceNode, SourceKind, TextStyle, explain};
 use canaletto::form_factor::polygon_to_polygon;
-use canaletto::render::{Job, Preparation, Session, render};
+use canaletto::render::{Job, render};
 use canaletto::scene::{Integrator, RadiosityMethod, RadiositySettings, RadiosityShow};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
@@ -176,8 +174,9 @@ fn small_rounding(sums: [&LightSum; 3]) {
 }
 
 /// The patches of a tree's diffuse hits are explained, and all sums are exact.
-fn check(job: &Job, tree: PixelTree) -> PixelTree {
-    assert_eq!(tree.sum(), tree.color, "{:?}", tree.pixel);
+fn check(world: &World, job: &Job, [x, y]: [u32; 2]) -> PixelTree {
+    let tree = explain(world, job, x, y).unwrap();
+    assert_eq!(tree.sum(), tree.color, "{x}, {y}");
     for sample in &tree.samples {
         let mut waiting = vec![&sample.ray];
         while let Some(ray) = waiting.pop() {
@@ -246,10 +245,9 @@ fn printed_terms_add_up_to_patches_and_pixels() {
         for (method, error) in methods {
             let show = *shows.next().unwrap();
             let job = with(&job, method, error, show);
-            let session = Session::open(&world, &job, Preparation::default()).unwrap();
             let picture = render(&world, &job, &()).unwrap().picture;
             for [x, y] in PIXELS {
-                let tree = check(&job, Explainer::new(&session).pixel(x, y).unwrap());
+                let tree = check(&world, &job, [x, y]);
                 assert_eq!(tree.color, picture.pixel(x, y), "{name} {method:?} {show:?} {x}, {y}");
                 assert!(!tree.radiosity.patches.is_empty(), "{name} {method:?} {show:?} {x}, {y}");
                 let sums = tree.radiosity.patches.iter().flat_map(sums_of);
@@ -271,8 +269,7 @@ fn the_largest_source_is_the_one_that_is_near() {
     // A link to a part of the floor around the patch has the mean factor of that part.
     for (method, error, deviation) in [(RadiosityMethod::Hierarchical, 0.05, 0.05), (RadiosityMethod::Full, 0.05, 0.01)]
     {
-        let job = with(&job, method, error, RadiosityShow::Solution);
-        let tree = check(&job, explain(&world, &job, 3, 21).unwrap());
+        let tree = check(&world, &with(&job, method, error, RadiosityShow::Solution), [3, 21]);
         let patch = &tree.radiosity.patches[0];
         assert_eq!((patch.object.as_str(), patch.material.as_str()), ("floor", "white"));
         assert!(patch.center[0] < -0.6 && patch.center[1] == 0.0, "{:?}", patch.center);
