@@ -186,8 +186,8 @@ fn weld(positions: &[Vec3]) -> Vec<u32> {
 /// How far apart rounding puts copies of a place: in steps of the largest coordinate.
 const ROUNDINGS: f64 = 4.0;
 
-/// Joins the vertices of open triangles whose places differ by rounding. `welded` holds the number of each vertex' place.
-/// Returns whether any are joined.
+/// Joins the vertices of open triangles whose places differ by rounding. `welded` holds the number of each vertex's
+/// place. Returns whether any are joined.
 fn weld_rounded(mesh: &Mesh, open: &[u32], welded: &mut [u32]) -> bool {
     let largest = mesh.positions.iter().fold(0.0f32, |largest, p| largest.max(p.abs().max_element()));
     let near = ROUNDINGS * f64::from(f32::EPSILON) * f64::from(largest);
