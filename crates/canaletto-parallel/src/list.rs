@@ -137,7 +137,7 @@ pub trait ParallelList: Sync + Sized {
         in_order(parts).fold(identity(), join)
     }
 
-    /// The sum of all items, from left to right within ranges. It is exact for integers only.
+    /// The sum of all items.
     fn sum(self) -> usize
     where
         Self: ParallelList<Item = usize>,

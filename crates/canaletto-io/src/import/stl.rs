@@ -184,14 +184,14 @@ impl<'a> Reader<'a> {
     }
 
     fn facet(&mut self, start: &Token, corners: &mut Positions) -> Result<(), ImportError> {
-        self.expect(start, "normal")?;
+        self.keyword(start, "normal")?;
         for name in ["x", "y", "z"] {
             self.number(start, &format!("{name} of a normal"))?;
         }
-        self.expect(start, "outer")?;
-        self.expect(start, "loop")?;
+        self.keyword(start, "outer")?;
+        self.keyword(start, "loop")?;
         for _ in 0..3 {
-            let word = self.expect(start, "vertex")?;
+            let word = self.keyword(start, "vertex")?;
             let place = [
                 self.number(&word, "x of a vertex")?,
                 self.number(&word, "y of a vertex")?,
@@ -199,12 +199,13 @@ impl<'a> Reader<'a> {
             ];
             push(corners, place.map(|(rounded, _)| rounded).into(), place.map(|(_, exact)| exact).into());
         }
-        self.expect(start, "endloop")?;
-        self.expect(start, "endfacet")?;
+        self.keyword(start, "endloop")?;
+        self.keyword(start, "endfacet")?;
         Ok(())
     }
 
-    fn expect(&mut self, facet: &Token, expected: &str) -> Result<Token<'a>, ImportError> {
+    /// The next word of the facet that began with `facet`, which must be `expected`.
+    fn keyword(&mut self, facet: &Token, expected: &str) -> Result<Token<'a>, ImportError> {
         match self.word() {
             Some(word) if word.text.eq_ignore_ascii_case(expected.as_bytes()) => Ok(word),
             Some(word) if expected == "endloop" && word.text.eq_ignore_ascii_case(b"vertex") => {

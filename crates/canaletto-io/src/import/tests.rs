@@ -90,8 +90,8 @@ fn staging_grows_with_the_model() {
 #[test]
 fn other_formats_are_named() {
     let error = |name: &str| load(name, &MemoryAssets::new()).unwrap_err().to_string();
-    let message = "b/a.STP: error: STEP isn't supported yet\n  help: supported are nff, obj, ply, stl; FreeCAD converts it \
-                   to OBJ or PLY\n";
+    let message = "b/a.STP: error: STEP isn't supported yet\n  help: supported are nff, obj, ply, stl; FreeCAD converts \
+                   it to OBJ or PLY\n";
     assert_eq!(error("b/a.STP"), message);
     assert!(
         error("a.xyzw").contains("XYZW isn't supported yet") && error("noext").contains("a file without an extension")

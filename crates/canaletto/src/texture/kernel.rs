@@ -78,6 +78,7 @@ pub(super) fn variance(filter: Filter) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Named;
 
     /// The value of a kernel over samples of f at the texels' centres.
     fn reconstruct(filter: Filter, f: impl Fn(f64) -> f64, x: f64) -> f64 {
@@ -89,18 +90,9 @@ mod tests {
         (0..=1000).map(|i| 3.0 + f64::from(i) * 0.0073)
     }
 
-    const ALL: [Filter; 6] = [
-        Filter::Nearest,
-        Filter::Bilinear,
-        Filter::Biquadratic,
-        Filter::Bicubic,
-        Filter::QuadraticSpline,
-        Filter::CubicSpline,
-    ];
-
     #[test]
     fn every_kernel_reproduces_constants() {
-        for filter in ALL {
+        for &filter in Filter::ALL {
             for x in places() {
                 assert!((reconstruct(filter, |_| 1.0, x) - 1.0).abs() < 1e-6, "{filter:?} at {x}");
             }
@@ -109,7 +101,7 @@ mod tests {
 
     #[test]
     fn all_but_the_nearest_reproduce_lines() {
-        for filter in &ALL[1..] {
+        for filter in &Filter::ALL[1..] {
             for x in places() {
                 assert!((reconstruct(*filter, |x| 2.0 * x - 3.0, x) - (2.0 * x - 3.0)).abs() < 1e-5, "{filter:?} {x}");
             }
@@ -118,7 +110,7 @@ mod tests {
 
     #[test]
     fn biquadratic_and_bicubic_reproduce_parabolas_and_splines_lift_them_by_their_variance() {
-        for filter in ALL {
+        for &filter in Filter::ALL {
             let lift = match filter {
                 Filter::Biquadratic | Filter::Bicubic => 0.0,
                 Filter::QuadraticSpline => 0.25,
@@ -146,7 +138,7 @@ mod tests {
     #[test]
     fn kernels_are_as_smooth_as_they_should_be() {
         let f = |x: f64| (x * 7.3).sin();
-        for filter in &ALL[1..] {
+        for filter in &Filter::ALL[1..] {
             let smooth = matches!(filter, Filter::Bicubic | Filter::QuadraticSpline | Filter::CubicSpline);
             for half in 0..20 {
                 let x = 5.0 + 0.5 * f64::from(half);

@@ -24,7 +24,8 @@ const SMOOTH: Field<bool> = Field::new(
 pub(super) static MESH: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "mesh",
-        "Triangles from a file: OBJ (with its MTL materials), PLY or STL. A material given here replaces the file's own.",
+        "Triangles from a file: OBJ (with its MTL materials), PLY or STL. A material given here replaces the file's \
+         own.",
         &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
     .argument(NAME.schema)

@@ -1,6 +1,7 @@
 //! Image textures as a whole: filters and prefilters against exact values and against sampled references.
 
 use super::super::*;
+use crate::Named;
 use glam::DVec3;
 
 fn image(width: u32, height: u32, channels: u8, samples: Samples, space: ColorSpace) -> Image {
@@ -15,15 +16,6 @@ fn pattern(image: Image, texture: ImageTexture) -> PreparedTexture {
 fn point(u: f64, v: f64) -> Lookup {
     Lookup::point(DVec3::new(u, v, 0.0))
 }
-
-const FILTERS: [Filter; 6] = [
-    Filter::Nearest,
-    Filter::Bilinear,
-    Filter::Biquadratic,
-    Filter::Bicubic,
-    Filter::QuadraticSpline,
-    Filter::CubicSpline,
-];
 
 #[test]
 fn corners_are_the_corner_texels_as_in_the_chapter() {
@@ -143,7 +135,7 @@ fn ewa_respects_what_is_outside() {
 #[test]
 fn constants_are_reproduced_by_everything() {
     for prefilter in [Prefilter::None, Prefilter::Trilinear, Prefilter::Ewa] {
-        for filter in FILTERS {
+        for &filter in Filter::ALL {
             let data = [51, 102, 204, 128].repeat(13 * 7);
             let pattern = pattern(image(13, 7, 4, Samples::U8(data), ColorSpace::Linear), plain(filter, prefilter));
             for (u, v, dx, dy) in footprints(40, 30.0, 16.0) {
@@ -166,7 +158,7 @@ fn lines_and_parabolas_in_two_directions_are_reproduced() {
     };
     let line = |x: f64, y: f64| 0.02 * x - 0.03 * y + 1.0;
     let bowl = |x: f64, y: f64| 0.001 * (x - 7.0) * (y + 3.0) + 0.0005 * x * x - 0.0007 * y * y;
-    for filter in FILTERS {
+    for &filter in Filter::ALL {
         for (f, fits) in [
             (&line as &dyn Fn(f64, f64) -> f64, filter != Filter::Nearest),
             (&bowl, matches!(filter, Filter::Biquadratic | Filter::Bicubic)),
