@@ -21,6 +21,7 @@ mod guiding;
 mod layers;
 mod limits;
 mod noise;
+mod orthographic;
 mod passes;
 mod path;
 mod presets;

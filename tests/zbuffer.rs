@@ -8,8 +8,8 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, Rendering, render};
 use canaletto::scene::{
-    Content, Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Shading, ShadowMethod, Stage,
-    WhittedSettings, ZbufferSettings,
+    CameraProjection, Content, Extrinsics, FilmSettings, Intrinsics, Node, Sampling, Scene, Shading, ShadowMethod,
+    Stage, WhittedSettings, ZbufferSettings,
 };
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
@@ -97,10 +97,11 @@ fn random_scene(random: &mut Random) -> Scene {
 }
 
 /// A camera around or within the scene, whose planes cut through objects.
-fn random_camera(random: &mut Random, size: [u32; 2]) -> Camera {
+fn random_camera(random: &mut Random, size: [u32; 2], projection: CameraProjection) -> Camera {
     let near: f64 = [0.01, 0.5, 2.0, 5.0][(random.unit() * 4.0) as usize];
     let intrinsics = Intrinsics {
         fovy: random.within(20.0, 110.0).into(),
+        projection,
         width: size[0],
         height: size[1],
         near: Some(near),
@@ -133,12 +134,25 @@ fn ids(rendering: &Rendering) -> Vec<u32> {
 
 #[test]
 fn objects_are_those_of_ray_casting_away_from_edges() {
+    let [compared, seen] = compare_objects(120, CameraProjection::Perspective);
+    assert!(compared > 200_000 && seen > 80_000, "{compared} {seen}");
+}
+
+#[test]
+fn objects_of_an_orthographic_camera_are_those_of_ray_casting_away_from_edges() {
+    let [compared, seen] = compare_objects(60, CameraProjection::Orthographic { height: 11.0 });
+    assert!(compared > 100_000 && seen > 40_000, "{compared} {seen}");
+}
+
+/// Compares the objects of random scenes with those that rays hit. Returns the number of pixels that are compared, and
+/// of those that see an object.
+fn compare_objects(rounds: u32, projection: CameraProjection) -> [u32; 2] {
     const SIZE: [u32; 2] = [80, 60];
     let random = &mut Random(730);
     let (mut compared, mut seen) = (0, 0);
-    for round in 0..120 {
+    for round in 0..rounds {
         let world = World::build(random_scene(random)).unwrap();
-        let camera = random_camera(random, SIZE);
+        let camera = random_camera(random, SIZE, projection);
         let settings = ZbufferSettings { shadows: ShadowMethod::None, ..ZbufferSettings::default() };
         let mut job = Job::new(camera.clone(), FilmSettings::default(), settings);
         job.aovs = vec![Aov::ObjectId];
@@ -160,11 +174,17 @@ fn objects_are_those_of_ray_casting_away_from_edges() {
             }
         }
     }
-    assert!(compared > 200_000 && seen > 80_000, "{compared} {seen}");
+    [compared, seen]
 }
 
 #[test]
 fn meshes_have_the_colours_of_the_ray_tracer() {
+    for projection in [CameraProjection::Perspective, CameraProjection::Orthographic { height: 4.0 }] {
+        meshes_have_the_colours_through(projection);
+    }
+}
+
+fn meshes_have_the_colours_through(projection: CameraProjection) {
     let random = &mut Random(731);
     let mut mesh = sheet(random);
     mesh.smooth_normals();
@@ -187,7 +207,15 @@ fn meshes_have_the_colours_of_the_ray_tracer() {
     })
     .unwrap();
     let camera = Camera::new(
-        &Intrinsics { fovy: 40.0, width: 120, height: 90, near: Some(0.1), far: Some(100.0), ..Intrinsics::default() },
+        &Intrinsics {
+            fovy: 40.0,
+            projection,
+            width: 120,
+            height: 90,
+            near: Some(0.1),
+            far: Some(100.0),
+            ..Intrinsics::default()
+        },
         &Extrinsics { eye: DVec3::new(1.0, -3.0, 4.0), center: DVec3::ZERO, up: DVec3::Z },
     )
     .unwrap();

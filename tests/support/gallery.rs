@@ -6,8 +6,8 @@ use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::render::Job;
 use canaletto::scene::{
-    Aperture, Content, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, Node, SamplerKind, Sampling, Scene, View,
-    WhittedSettings,
+    Aperture, CameraProjection, Content, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, Node, SamplerKind,
+    Sampling, Scene, View, WhittedSettings,
 };
 use canaletto::shape::{
     Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
@@ -159,6 +159,18 @@ pub fn still_life(scale: f32) -> Scene {
 /// A job on the still life, small enough for tests.
 pub fn still_life_job(scale: f32, width: u32, height: u32, sampling: Sampling) -> Job {
     let camera = Camera::of(&still_life_view(scale, width, height)).unwrap();
+    Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, WhittedSettings::default())
+}
+
+/// [`still_life_job`] with an orthographic camera. The plane through its eye cuts the glass ball.
+pub fn orthographic_job(scale: f32, width: u32, height: u32, sampling: Sampling) -> Job {
+    let s = f64::from(scale);
+    let still = still_life_view(scale, width, height);
+    let projection = CameraProjection::Orthographic { height: 5.0 * s };
+    let intrinsics = Intrinsics { projection, near: None, ..still.intrinsics };
+    let center = DVec3::new(-1.4, 0.7, 0.0) * s;
+    let extrinsics = Extrinsics { eye: center + DVec3::new(0.2, 0.3, 0.4) * s, center, up: DVec3::Y };
+    let camera = Camera::of(&View { intrinsics, extrinsics, ..still }).unwrap();
     Job::new(camera, FilmSettings { sampling, ..FilmSettings::default() }, WhittedSettings::default())
 }
 

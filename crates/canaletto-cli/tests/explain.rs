@@ -386,6 +386,13 @@ const PANE: &str = r#"
     light "sphere" { center 0 6 0; radius 3; visible #true }
 "#;
 
+/// A ball seen along parallel rays.
+const PARALLEL: &str = r#"
+    camera { eye 0 1 6; center 0 0 0; orthographic 3; size 16 16 }
+    sphere { center 0 0 0; radius 1 }
+    light "omni" { position 0 6 3 }
+"#;
+
 const PATHS: &str = r#"
     camera { eye 0 1 6; center 0 0.6 0; fovy 40; size 40 30 }
     film { samples 32 }
@@ -456,7 +463,7 @@ const FIELD: &str = r#"
 "#;
 
 /// Explanations with all kinds of nodes, of scenes of the project and of those above.
-const EXPLAINED: [&str; 48] = [
+const EXPLAINED: [&str; 49] = [
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --steps",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl -p 110,75 --tone scale",
     "ROOT/scenes/chapter/fig-5.27b-glass.kdl --ray 0,43,0,1,0.02,0 --steps",
@@ -498,6 +505,7 @@ const EXPLAINED: [&str; 48] = [
     "paths.kdl -p 20,15",
     "paths.kdl -p 20,15 --tone pbr-neutral --background none",
     "pane.kdl -p 4,4",
+    "parallel.kdl -p 8,8 --steps",
     "mixed.kdl -p 24,16 --tone agx",
     "paths.kdl -p 20,8",
     "mixed.kdl -p 24,16 --integrator path --samples 16",
@@ -531,6 +539,7 @@ fn json_has_the_schema_of_the_docs() {
         ("round.kdl", ROUND),
         ("paths.kdl", PATHS),
         ("pane.kdl", PANE),
+        ("parallel.kdl", PARALLEL),
     ] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }

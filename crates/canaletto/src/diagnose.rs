@@ -9,6 +9,7 @@ pub use crate::integrator::{Omission, omissions};
 pub use brightness::Reason;
 pub use ray_trees::{RayTrees, large_ray_trees};
 
+use crate::camera::Camera;
 use crate::job::{Job, PlacedJob};
 use crate::light::PreparedLight;
 use crate::math::DRay;
@@ -104,8 +105,8 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     if !job.description().has_shadows() {
         return findings;
     }
-    let eye = placed.camera.at(0.0).eye();
-    let around_eye = enclosing_object(world, eye);
+    let starts = starts(&placed.camera.at(0.0));
+    let around_eye = common_object(world, starts.iter().copied());
     let lit = |object: u32| {
         world
             .lights
@@ -114,7 +115,7 @@ fn doubts(world: &World, job: &Job) -> Vec<Finding> {
     };
     if let Some((object, name)) = &around_eye
         && !lit(*object)
-        && !emits_inwards(world, eye)
+        && !starts.iter().any(|start| emits_inwards(world, *start))
     {
         findings.push(Finding::EyeInside { object: name.clone() });
     }
@@ -193,13 +194,31 @@ fn emits_inwards(world: &World, point: DVec3) -> bool {
     hit.map(|hit| world.material(&hit)).is_some_and(|material| material.two_sided && material.may_emit())
 }
 
+/// Where camera rays start: at the eye, or at the corners and the middle of an orthographic camera's window.
+fn starts(camera: &Camera) -> Vec<DVec3> {
+    if !camera.is_orthographic() {
+        return vec![camera.eye()];
+    }
+    let [w, h] = camera.size().map(f64::from);
+    let places = [[0.0, 0.0], [w, 0.0], [0.0, h], [w, h], [w / 2.0, h / 2.0]];
+    places.map(|[x, y]| camera.line(x, y).origin).to_vec()
+}
+
 /// The opaque object that contains all points of a light.
 fn light_is_inside(world: &World, light: &PreparedLight) -> Option<(u32, String)> {
     let step = light.points().div_ceil(MAX_POINTS).max(1);
+    let positions = (0..light.points())
+        .step_by(step as usize)
+        .map(|index| light.illuminate(index, DVec3::ZERO).position.map(|p| p.as_dvec3()))
+        .collect::<Option<Vec<DVec3>>>()?;
+    common_object(world, positions.into_iter())
+}
+
+/// The opaque object that contains all of these points.
+fn common_object(world: &World, points: impl Iterator<Item = DVec3>) -> Option<(u32, String)> {
     let mut around: Option<(u32, String)> = None;
-    for index in (0..light.points()).step_by(step as usize) {
-        let position = light.illuminate(index, DVec3::ZERO).position?.as_dvec3();
-        let object = enclosing_object(world, position)?;
+    for point in points {
+        let object = enclosing_object(world, point)?;
         if around.as_ref().is_some_and(|known| known.0 != object.0) {
             return None;
         }
@@ -219,7 +238,6 @@ fn fibonacci_direction(index: u32) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
     use crate::light::{DiskLight, Light, LightKind, Omni};
     use crate::material::{Material, Phong};
     use crate::math::Rgb;

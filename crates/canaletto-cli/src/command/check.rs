@@ -13,7 +13,7 @@ use crate::watch::ReadLog;
 use canaletto::diagnose::{Finding, Reason, diagnose};
 use canaletto::glam::DVec3;
 use canaletto::render::Job;
-use canaletto::scene::{Scene, View};
+use canaletto::scene::{CameraProjection, Scene, View};
 use canaletto::world::{BuildOptions, World};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
 use clap::Args;
@@ -175,7 +175,7 @@ const RADIANS: Range<f64> = 0.5..2.4;
 /// A warning about a camera whose angle of view was probably meant in radians.
 fn doubt_degrees(name: &str, view: &View) -> Diagnostics {
     let fovy = view.intrinsics.fovy;
-    if !RADIANS.contains(&fovy) {
+    if view.intrinsics.projection != CameraProjection::Perspective || !RADIANS.contains(&fovy) {
         return Diagnostics::new();
     }
     let camera = &view.name;
@@ -346,6 +346,11 @@ mod tests {
         );
         assert!(camera("eye 0 0 0; center 0 0 20").contains("the eye is inside sphere #1"));
         assert!(camera("eye 0 0 9; fovy 1.05").contains("looks like an angle in radians"));
+        assert_eq!(camera("eye 0 0 9; orthographic 1.05"), "");
+        // All of a window of 1 starts in the ball, and a part of a window of 30 doesn't.
+        let inside = "the eye is inside sphere #1";
+        assert!(camera("eye 0 0 0; center 0 0 20; orthographic 1").contains(inside));
+        assert!(!camera("eye 0 0 0; center 0 0 20; orthographic 30").contains(inside));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::picture::{PictureError, SOFTWARE};
 use canaletto::bake::{BakedPart, BakedVertex};
 use canaletto::material::Material;
 use canaletto::math::Rgb;
-use canaletto::scene::{Intrinsics, View};
+use canaletto::scene::{CameraProjection, Intrinsics, View};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use serde_json::{Map, Value, json};
 
@@ -133,7 +133,7 @@ fn glb(export: &Export) -> Result<Vec<u8>, PictureError> {
     let mut cameras = Vec::new();
     for view in export.views {
         nodes.push(camera_node(export, view, cameras.len()));
-        cameras.push(camera(view));
+        cameras.push(camera(export, view));
     }
     let materials = materials.materials;
     let all: Vec<usize> = (0..nodes.len()).collect();
@@ -276,8 +276,18 @@ fn set_alpha(source: &Material, material: &mut Value) {
     }
 }
 
-fn camera(view: &View) -> Value {
+fn camera(export: &Export, view: &View) -> Value {
     let lens = &view.intrinsics;
+    if let CameraProjection::Orthographic { height } = lens.projection {
+        let (znear, ymag) = (lens.near.unwrap_or(0.0), height / 2.0);
+        let orthographic = json!({
+            "xmag": ymag * f64::from(lens.width) / f64::from(lens.height),
+            "ymag": ymag,
+            "znear": znear,
+            "zfar": lens.far.unwrap_or_else(|| depth_behind_all(export, view).max(2.0 * znear)),
+        });
+        return json!({ "name": view.name, "type": "orthographic", "orthographic": orthographic });
+    }
     let mut perspective = json!({
         "yfov": lens.fovy.to_radians(),
         "aspectRatio": f64::from(lens.width) / f64::from(lens.height),
@@ -287,6 +297,15 @@ fn camera(view: &View) -> Value {
         perspective["zfar"] = json!(far);
     }
     json!({ "name": view.name, "type": "perspective", "perspective": perspective })
+}
+
+/// A distance along the view direction beyond all triangles. glTF's orthographic cameras need a far plane.
+fn depth_behind_all(export: &Export, view: &View) -> f64 {
+    let (eye, center) = (view.extrinsics.eye, view.extrinsics.center);
+    let forward = (center - eye).normalize_or_zero();
+    let vertices = export.baked.meshes.iter().flat_map(|mesh| &mesh.parts).flat_map(|part| &part.vertices);
+    let depth = |vertex: &BakedVertex| (export.origin + vertex.position.as_dvec3() - eye).dot(forward);
+    2.0 * vertices.map(depth).fold((center - eye).length(), f64::max)
 }
 
 /// A camera's node: it looks along −z with y upwards.

@@ -5,11 +5,11 @@ use crate::picture::{Decoded, decode};
 use canaletto::bake::{BakeSettings, BakedVertex, TexelDensity};
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto::material::{Material, Phong};
-use canaletto::scene::{Developing, Node, RadiositySettings, Scene};
+use canaletto::scene::{CameraProjection, Developing, Node, RadiositySettings, Scene};
 use canaletto::shape::{Cuboid, Shape, Sphere};
 use canaletto::world::World;
 use glam::DQuat;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A room with a lamp, a ball and a glass box.
 fn scene() -> Scene {
@@ -246,6 +246,29 @@ fn cameras_look_along_minus_z() {
         assert!((rotation * axis).distance(own) < 1e-12, "{axis}");
     }
     assert!((root["cameras"][0]["perspective"]["yfov"].as_f64().unwrap() - 60_f64.to_radians()).abs() < 1e-12);
+}
+
+#[test]
+fn an_orthographic_camera_has_half_sizes_and_planes_around_all() {
+    let mut exported = Exported::new();
+    let lens = &mut exported.views[0].intrinsics;
+    (lens.projection, lens.width, lens.height) = (CameraProjection::Orthographic { height: 3.0 }, 200, 100);
+    let camera = |exported: &Exported| {
+        let file = &exported.files(ExportFormat::Glb, LightMaps::Combined, UpAxis::Y, DVec3::ZERO)[0];
+        Glb::read(&file.bytes).root["cameras"][0].clone()
+    };
+    let found = camera(&exported);
+    assert_eq!((&found["type"], &found["perspective"]), (&json!("orthographic"), &Value::Null));
+    let number = |name: &str| found["orthographic"][name].as_f64().unwrap();
+    assert_eq!(["xmag", "ymag", "znear"].map(number), [3.0, 1.5, 0.0]);
+    let own = canaletto::camera::Camera::of(&exported.views[0]).unwrap();
+    let vertices = exported.baked.meshes.iter().flat_map(|mesh| &mesh.parts).flat_map(|part| &part.vertices);
+    let farthest = vertices.map(|vertex| own.distance(vertex.position.as_dvec3())).fold(0.0, f64::max);
+    assert!(farthest > 0.0 && number("zfar") > farthest, "{farthest}");
+    let lens = &mut exported.views[0].intrinsics;
+    (lens.near, lens.far) = (Some(0.5), Some(7.0));
+    let found = camera(&exported);
+    assert_eq!((&found["orthographic"]["znear"], &found["orthographic"]["zfar"]), (&json!(0.5), &json!(7.0)));
 }
 
 #[test]

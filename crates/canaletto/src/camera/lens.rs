@@ -20,7 +20,8 @@ pub(super) struct PreparedLens {
 }
 
 impl PreparedLens {
-    pub(super) fn new(lens: &Lens, near: f64) -> Result<PreparedLens, CameraError> {
+    /// The lens of a camera with this focal length; an orthographic camera has none.
+    pub(super) fn new(lens: &Lens, focal_length: Option<f64>) -> Result<PreparedLens, CameraError> {
         let wrong = |what: String| Err(CameraError::Lens(what));
         let radius = match lens.aperture {
             Aperture::Radius(radius) if !(radius > 0.0 && radius.is_finite()) => {
@@ -30,7 +31,10 @@ impl PreparedLens {
             Aperture::Number(number) if !(number > 0.0 && number.is_finite()) => {
                 return wrong(format!("f-number is {number}; it must be more than 0"));
             }
-            Aperture::Number(number) => near / (2.0 * number),
+            Aperture::Number(number) => match focal_length {
+                Some(focal_length) => focal_length / (2.0 * number),
+                None => return wrong("an orthographic camera has no f-number; give the aperture's radius".into()),
+            },
         };
         if !(lens.blades == 0 || (3..=Lens::MAX_BLADES).contains(&lens.blades)) {
             let most = Lens::MAX_BLADES;

@@ -1,6 +1,8 @@
 //! The camera (5.2): rays from pixels, and pixels from points. It is a pinhole, unless it has a lens. It is at rest,
 //! unless it moves while its shutter is open.
 //!
+//! The rays of an orthographic camera are parallel. They start on the plane through the eye, each at its own point.
+//!
 //! It computes in `f64`: it makes one ray per sample, and the first rounding to `f32` should be that of the ray's
 //! direction.
 
@@ -10,7 +12,7 @@ mod roll;
 pub use roll::{continue_roll, flips_roll, has_roll};
 
 use crate::math::{AnimatedTransform, DRay, RayDifferential, Transform};
-use crate::scene::{Extrinsics, Intrinsics, View};
+use crate::scene::{CameraProjection, Extrinsics, Intrinsics, View};
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use lens::PreparedLens;
@@ -43,6 +45,8 @@ pub struct Camera {
     far_plane: Option<f64>,
     /// The window's width ("base") and height on the projection plane.
     window: DVec2,
+    /// Whether all rays are parallel to the optical axis.
+    orthographic: bool,
     shift: DVec2,
     size: [u32; 2],
     /// The lens and the depth of its plane of focus.
@@ -64,7 +68,8 @@ struct Motion {
 pub struct EyeRay {
     /// The ray, with a unit direction.
     pub line: DRay,
-    /// The ray's point on the lens, to the right and upwards from the eye; `None` without a lens.
+    /// The ray's point on the lens, to the right and upwards from the start of the pinhole's ray; `None` without a
+    /// lens.
     pub lens: Option<DVec2>,
     /// The ray's differences to the neighbouring samples, if they were requested.
     pub differential: Option<RayDifferential>,
@@ -83,6 +88,9 @@ pub enum CameraError {
     /// The angle of view is out of range.
     #[error("fovy is {0}; the angle of view must be more than 0 and less than 180 degrees")]
     Fovy(f64),
+    /// The window of an orthographic camera has no height.
+    #[error("orthographic is {0}; the window's height must be more than 0")]
+    Orthographic(f64),
     /// The picture has no pixels, or more than the largest number.
     #[error("size is {0} x {1}; each side must be between 1 and {max} pixels", max = Camera::MAX_SIDE)]
     Size(u32, u32),
@@ -110,6 +118,7 @@ impl CameraError {
             CameraError::NoDirection => "eye",
             CameraError::NoUp => "up",
             CameraError::Fovy(_) => "fovy",
+            CameraError::Orthographic(_) => "orthographic",
             CameraError::Size(..) => "size",
             CameraError::Planes(None, _) => "far",
             CameraError::Planes(..) => "near",
@@ -136,7 +145,7 @@ impl Camera {
     /// # Errors
     /// A [`CameraError`] that names the parameters that make no picture.
     pub fn new(intrinsics: &Intrinsics, extrinsics: &Extrinsics) -> Result<Camera, CameraError> {
-        let Intrinsics { fovy, width, height, near: near_plane, far: far_plane, shift, lens, shutter } = *intrinsics;
+        let Intrinsics { width, height, near: near_plane, far: far_plane, shift, lens, shutter, .. } = *intrinsics;
         let near = near_plane.unwrap_or(Intrinsics::DEFAULT_NEAR);
         let extrinsics = *extrinsics;
         let Extrinsics { eye, center, up } = extrinsics;
@@ -150,9 +159,7 @@ impl Camera {
                 return Err(CameraError::NotFinite(name));
             }
         }
-        if !(fovy > 0.0 && fovy < 180.0) {
-            return Err(CameraError::Fovy(fovy));
-        }
+        let window = window_of(intrinsics, near)?;
         if !(1..=Camera::MAX_SIDE).contains(&width) || !(1..=Camera::MAX_SIDE).contains(&height) {
             return Err(CameraError::Size(width, height));
         }
@@ -165,12 +172,14 @@ impl Camera {
             return Err(CameraError::Shutter(shutter[0], shutter[1]));
         }
         let axes = axes(extrinsics)?;
+        let orthographic = intrinsics.projection != CameraProjection::Perspective;
         let lens = match &lens {
-            Some(lens) => Some((PreparedLens::new(lens, near)?, PreparedLens::depth(lens, &extrinsics, axes[2])?)),
+            Some(lens) => {
+                let optics = PreparedLens::new(lens, (!orthographic).then_some(near))?;
+                Some((optics, PreparedLens::depth(lens, &extrinsics, axes[2])?))
+            }
             None => None,
         };
-        let window_height = 2.0 * near * libm::tan(fovy.to_radians() / 2.0); // (5.2b)
-        let window_width = f64::from(width) / f64::from(height) * window_height; // (5.2c)
         Ok(Camera {
             eye,
             zero: DVec3::ZERO,
@@ -178,7 +187,8 @@ impl Camera {
             near,
             near_plane,
             far_plane,
-            window: DVec2::new(window_width, window_height),
+            window,
+            orthographic,
             shift: DVec2::from(shift),
             size: [width, height],
             lens,
@@ -226,6 +236,12 @@ impl Camera {
         self.lens.is_none() && self.motion.is_none()
     }
 
+    /// Whether all rays are parallel to the optical axis and start on the plane through the eye.
+    #[inline]
+    pub fn is_orthographic(&self) -> bool {
+        self.orthographic
+    }
+
     /// Whether the camera moves while the shutter is open.
     #[inline]
     pub fn moves(&self) -> bool {
@@ -262,22 +278,27 @@ impl Camera {
             return EyeRay { line: self.line(x, y), lens: None, differential };
         };
         let point = optics.point(lens);
-        let (eye, d) = self.chapter_ray(x, y);
+        let (start, d) = self.chapter_ray(x, y);
         let offset = self.axes[0] * point.x + self.axes[1] * point.y;
         // The vector d ends on the projection plane at depth d_f.
         let scale = depth / self.near;
         let d = d * scale - offset;
-        let differential = spacing.map(|spacing| self.differential_of(d, spacing * scale));
-        EyeRay { line: DRay { origin: eye + offset, direction: d.normalize() }, lens: Some(point), differential }
+        let widening = if self.orthographic { 1.0 } else { scale };
+        let differential = spacing.map(|spacing| self.differential_of(d, spacing * widening));
+        EyeRay { line: DRay { origin: start + offset, direction: d.normalize() }, lens: Some(point), differential }
     }
 
     /// The chapter's ray for (x, y) in pixels, y upwards: eye and d of (5.10). The length of d reaches the projection
-    /// plane. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
+    /// plane. An orthographic camera's ray reaches this plane along the axis, from its own point of the plane through
+    /// the eye. (0, 0) is the lower left corner of the picture, (w, h) the upper right one.
     #[inline]
     pub fn chapter_ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let [x_e, y_e, z_e] = self.axes;
         let u = self.window.x * (x / f64::from(self.size[0]) - 0.5 + self.shift.x);
         let v = self.window.y * (y / f64::from(self.size[1]) - 0.5 + self.shift.y);
+        if self.orthographic {
+            return (self.eye + y_e * v + x_e * u, -z_e * self.near);
+        }
         (self.eye, -z_e * self.near + y_e * v + x_e * u) // (5.10)
     }
 
@@ -290,6 +311,12 @@ impl Camera {
 
     /// Computes [`Camera::line`] for many places at once. There must be as many lines as places.
     pub(crate) fn lines(&self, places: &[[f64; 2]], lines: &mut [DRay]) {
+        if self.orthographic {
+            for ([x, y], line) in places.iter().zip(lines) {
+                *line = self.line(*x, *y);
+            }
+            return;
+        }
         InstructionSet::run(Lines { camera: self, places, lines });
     }
 
@@ -299,13 +326,17 @@ impl Camera {
         self.differential_of(d, spacing)
     }
 
-    /// The differential of a ray along `d`, which ends on the projection plane scaled by `scale`.
+    /// The differential of a ray along `d`, which ends on the projection plane scaled by `scale`. Of an orthographic
+    /// camera, only the starts of the rays differ, by `scale` pixels.
     fn differential_of(&self, d: DVec3, scale: f64) -> RayDifferential {
         let [x_e, y_e, _] = self.axes;
         let [right, up] = [
             x_e * (self.window.x * scale / f64::from(self.size[0])),
             y_e * (self.window.y * scale / f64::from(self.size[1])),
         ];
+        if self.orthographic {
+            return RayDifferential { origin: [right, up], direction: [DVec3::ZERO; 2] };
+        }
         let length = d.length();
         let unit = d / length;
         let turn = |across: DVec3| (across - unit * unit.dot(across)) / length;
@@ -321,12 +352,29 @@ impl Camera {
         if depth.is_nan() || depth <= 0.0 {
             return None;
         }
-        let on_window = DVec2::new(v.dot(x_e), v.dot(y_e)) * (self.near / depth) / self.window;
+        let scale = if self.orthographic { 1.0 } else { self.near / depth };
+        let on_window = DVec2::new(v.dot(x_e), v.dot(y_e)) * scale / self.window;
         let [w, h] = self.size.map(f64::from);
         Some((on_window + 0.5 - self.shift) * DVec2::new(w, h))
     }
 
-    /// The centre of projection.
+    /// The line with a unit direction on which a point is seen, and the point's distance on it from the line's start.
+    pub(crate) fn line_to(&self, point: DVec3) -> (DRay, f64) {
+        if self.orthographic {
+            let (forward, depth) = (-self.axes[2], self.distance(point));
+            return (DRay { origin: point - forward * depth, direction: forward }, depth);
+        }
+        let distance = self.distance(point);
+        (DRay { origin: self.eye, direction: (point - self.eye) / distance }, distance)
+    }
+
+    /// The distance of a point from the eye, or from the plane through it if the camera is orthographic.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        let v = point - self.eye;
+        if self.orthographic { -v.dot(self.axes[2]) } else { v.length() }
+    }
+
+    /// The centre of projection. For an orthographic camera it is the point of the optical axis where rays start.
     pub fn eye(&self) -> DVec3 {
         self.eye
     }
@@ -366,13 +414,29 @@ impl Camera {
         self.shift
     }
 
-    /// The window's width and height on the projection plane (5.2b, c).
+    /// The window's width and height on the projection plane (5.2b, c). Those of an orthographic camera are the same on
+    /// all planes.
     pub fn window(&self) -> DVec2 {
         self.window
     }
 }
 
-/// [`Camera::line`] for many places, eight side by side.
+/// The window's width and height on the projection plane at d_f = `near`.
+fn window_of(intrinsics: &Intrinsics, near: f64) -> Result<DVec2, CameraError> {
+    let Intrinsics { fovy, projection, width, height, .. } = *intrinsics;
+    let window_height = match projection {
+        CameraProjection::Perspective if fovy > 0.0 && fovy < 180.0 => {
+            2.0 * near * libm::tan(fovy.to_radians() / 2.0) // (5.2b)
+        }
+        CameraProjection::Perspective => return Err(CameraError::Fovy(fovy)),
+        CameraProjection::Orthographic { height } if height > 0.0 && height.is_finite() => height,
+        CameraProjection::Orthographic { height } => return Err(CameraError::Orthographic(height)),
+    };
+    let window_width = f64::from(width) / f64::from(height) * window_height; // (5.2c)
+    Ok(DVec2::new(window_width, window_height))
+}
+
+/// [`Camera::line`] of a perspective camera for many places, eight side by side.
 struct Lines<'a> {
     camera: &'a Camera,
     places: &'a [[f64; 2]],
@@ -500,6 +564,99 @@ mod tests {
         assert!((d.normalize() + camera.axes()[2]).length() < 1e-12);
     }
 
+    fn orthographic(height: f64) -> (Intrinsics, Extrinsics) {
+        let (intrinsics, extrinsics) = exercise_1();
+        let projection = CameraProjection::Orthographic { height };
+        (Intrinsics { width: 300, shift: [0.3, -0.2], projection, ..intrinsics }, extrinsics)
+    }
+
+    /// Orthographic rays go through the points of a window of this height, one beside the other, and a step across the
+    /// axis has one size at all distances.
+    #[test]
+    fn orthographic_rays_are_parallel_and_sizes_do_not_depend_on_distance() {
+        let (intrinsics, extrinsics) = orthographic(80.0);
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        assert_eq!((camera.window(), camera.is_orthographic()), (DVec2::new(60.0, 80.0), true));
+        let [right, up, back] = camera.axes();
+        let places = [[0.0, 0.0], [300.0, 400.0], [210.0, 265.0], [299.5, 17.25]];
+        let mut lines = [DRay { origin: DVec3::ZERO, direction: DVec3::ZERO }; 4];
+        camera.lines(&places, &mut lines);
+        for ([x, y], together) in places.into_iter().zip(lines) {
+            let line = camera.line(x, y);
+            assert_eq!(line, together);
+            assert!((line.direction + back).length() < 1e-15, "{x} {y}");
+            let [u, v] = [60.0 * (x / 300.0 - 0.5 + 0.3), 80.0 * (y / 400.0 - 0.5 - 0.2)];
+            assert!((line.origin - (extrinsics.eye + right * u + up * v)).length() < 1e-12, "{x} {y}");
+            let (_, d) = camera.chapter_ray(x, y);
+            assert!((d.length() - 30.0).abs() < 1e-12);
+            for depth in [0.01, 30.0, 5e4] {
+                let point = line.origin + line.direction * depth;
+                let pixel = camera.project(point).unwrap();
+                assert!((pixel - DVec2::new(x, y)).length() < 1e-8, "{pixel}");
+                let step = camera.project(point + right * 6.0 + up * 2.0).unwrap() - pixel;
+                assert!((step - DVec2::new(30.0, 10.0)).length() < 1e-8, "{depth}: {step}");
+                assert!((camera.distance(point) - depth).abs() < 1e-8);
+                let (back_there, distance) = camera.line_to(point);
+                assert!((back_there.origin - line.origin).length() < 1e-8 && (distance - depth).abs() < 1e-8);
+            }
+            assert_eq!(camera.project(line.origin - line.direction), None);
+        }
+    }
+
+    #[test]
+    fn the_spread_of_orthographic_rays_is_that_of_their_origins() {
+        let (mut intrinsics, extrinsics) = orthographic(80.0);
+        for lens in [None, Some(Aperture::Radius(5.0))] {
+            intrinsics.lens = lens.map(|aperture| Lens { aperture, focus: Focus::Center, blades: 7, rotation: 3.0 });
+            let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+            let at = |x, y| camera.ray(x, y, [0.7, 0.4], 0.0, Some(0.25));
+            let (differential, step) = (at(210.0, 30.0).differential.unwrap(), 1e-3);
+            let lines = |x, y| [at(210.0 + x, 30.0 + y).line, at(210.0 - x, 30.0 - y).line];
+            for (axis, [a, b]) in [lines(step, 0.0), lines(0.0, step)].into_iter().enumerate() {
+                let scale = 0.25 / (2.0 * step);
+                let expected = (a.origin - b.origin) * scale;
+                assert!((differential.origin[axis] - expected).length() < 1e-9, "{lens:?} {axis}");
+                assert!((expected.length() - 0.25 * 0.2).abs() < 1e-9, "a pixel is 0.2 wide");
+                assert!((a.direction - b.direction).length() * scale < 1e-9);
+                assert_eq!(differential.direction[axis], DVec3::ZERO);
+            }
+        }
+    }
+
+    /// Behind a lens an orthographic pixel's rays meet in the plane of focus, in the middle of its own line.
+    #[test]
+    fn an_orthographic_lens_is_sharp_at_its_focus() {
+        let (mut intrinsics, extrinsics) = orthographic(80.0);
+        let aperture = Aperture::Radius(4.0);
+        intrinsics.lens = Some(Lens { aperture, focus: Focus::Distance(120.0), blades: 0, rotation: 0.0 });
+        let camera = Camera::new(&intrinsics, &extrinsics).unwrap();
+        let own = camera.line(40.0, 300.0);
+        for lens in [[0.1, 0.2], [0.9, 0.5], [0.3, 0.99]] {
+            let EyeRay { line, lens, .. } = camera.ray(40.0, 300.0, lens, 0.0, None);
+            let off = line.origin - own.origin;
+            assert!((off.length() - lens.unwrap().length()).abs() < 1e-9 && off.dot(own.direction).abs() < 1e-9);
+            let met = line.origin + line.direction * (120.0 / line.direction.dot(own.direction));
+            assert!((met - (own.origin + own.direction * 120.0)).length() < 1e-9);
+        }
+        intrinsics.lens = Some(Lens { aperture: Aperture::Number(2.0), ..intrinsics.lens.unwrap() });
+        let refused = Camera::new(&intrinsics, &extrinsics).unwrap_err().to_string();
+        assert!(refused.contains("an orthographic camera has no f-number"), "{refused}");
+    }
+
+    #[test]
+    fn an_orthographic_camera_moves_as_a_perspective_one() {
+        let (intrinsics, extrinsics) = orthographic(80.0);
+        let moved = Extrinsics { eye: extrinsics.eye + DVec3::new(3.0, 5.0, -2.0), center: DVec3::Y, ..extrinsics };
+        let view = View { name: "v".into(), intrinsics, extrinsics, motion: vec![extrinsics, moved] };
+        let camera = Camera::of(&view).unwrap();
+        for (time, place) in [(0.0, extrinsics), (1.0, moved)] {
+            let there = Camera::new(&intrinsics, &place).unwrap();
+            let (a, b) = (camera.ray(7.0, 9.0, [0.5; 2], time, None).line, there.line(7.0, 9.0));
+            assert!((a.origin - b.origin).length() < 1e-11 && (a.direction - b.direction).length() < 1e-12, "{time}");
+        }
+        assert!(camera.at(0.5).is_orthographic());
+    }
+
     #[test]
     fn degenerate_cameras_say_why() {
         let (intrinsics, extrinsics) = exercise_1();
@@ -508,6 +665,13 @@ mod tests {
         assert_eq!(error(intrinsics, Extrinsics { up: extrinsics.eye * 3.0, ..extrinsics }), CameraError::NoUp);
         assert_eq!(error(intrinsics, Extrinsics { up: DVec3::ZERO, ..extrinsics }), CameraError::NoUp);
         assert_eq!(error(Intrinsics { fovy: 180.0, ..intrinsics }, extrinsics), CameraError::Fovy(180.0));
+        for height in [0.0, -1.0, f64::INFINITY] {
+            let projection = CameraProjection::Orthographic { height };
+            assert_eq!(
+                error(Intrinsics { projection, fovy: 0.0, ..intrinsics }, extrinsics),
+                CameraError::Orthographic(height)
+            );
+        }
         assert_eq!(error(Intrinsics { width: 0, ..intrinsics }, extrinsics), CameraError::Size(0, 400));
         assert_eq!(
             error(Intrinsics { near: Some(230.0), ..intrinsics }, extrinsics),

@@ -196,6 +196,9 @@ impl Comparison<'_> {
     /// The width of a pixel at a point's distance.
     fn pixel_width(&self, point: DVec3) -> f64 {
         let camera = self.camera;
+        if camera.is_orthographic() {
+            return camera.window().y / f64::from(camera.size()[1]);
+        }
         let z = (point - camera.eye()).dot(camera.axes()[2]).abs();
         z * camera.window().y / (camera.focal_distance() * f64::from(camera.size()[1]))
     }

@@ -6,6 +6,11 @@ use crate::integrator::{RasterNode, RivalFate};
 /// The most hidden triangles that are written if the text is folded.
 const MOST_RIVALS: usize = 4;
 
+/// Whether a depth is 1/z, and not −z of an orthographic camera.
+fn is_of_perspective(depth: f32) -> bool {
+    depth > 0.0
+}
+
 impl RasterNode {
     /// The triangle that a z-buffer shows, and what it hides.
     pub(super) fn lines(&self, is_full: bool) -> Vec<Line<'_>> {
@@ -25,7 +30,11 @@ impl RasterNode {
             let ([p1, p2, p3], [a, b, c]) = (triangle.corners, triangle.weights);
             lines.push(line!("  on the screen {corner 1}, {corner 2}, {corner 3}", p1, p2, p3).of_ray());
             lines.push(line!("  weights of the corners {} {} {}", a, b, c));
-            lines.push(line!("  depth 1/z = {}, z = {z}", triangle.depth, triangle.z).of_ray());
+            let depth = match is_of_perspective(triangle.depth) {
+                true => line!("  depth 1/z = {}, z = {z}", triangle.depth, triangle.z),
+                false => line!("  depth -z = {}, z = {z}", triangle.depth, triangle.z),
+            };
+            lines.push(depth.of_ray());
         } else {
             lines.push(line!("no triangle is visible"));
         }
@@ -40,7 +49,10 @@ impl RasterNode {
                 RivalFate::BeforeNear => "lies in front of the near plane",
                 RivalFate::Hole => "has a hole here",
             };
-            line!("  hidden: {}, 1/z = {}, z = {}: {}", &rival.object, rival.depth, rival.z, fate)
+            match is_of_perspective(rival.depth) {
+                true => line!("  hidden: {}, 1/z = {}, z = {}: {}", &rival.object, rival.depth, rival.z, fate),
+                false => line!("  hidden: {}, -z = {}, z = {}: {}", &rival.object, rival.depth, rival.z, fate),
+            }
         }));
         let more = self.more_rivals + self.rivals.len() - most;
         if more > 0 {

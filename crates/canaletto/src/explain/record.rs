@@ -374,12 +374,13 @@ impl Probe for Recorder<'_> {
         } else if let Some((position, weight)) = self.sample {
             let (time, lens) = self.drawn;
             let camera = self.camera.at(time.unwrap_or(0.0));
-            let (_, d) = camera.chapter_ray(position[0], position[1]);
+            let (start, d) = camera.chapter_ray(position[0], position[1]);
             self.samples.push(SampleNode {
                 position,
                 weight,
                 time,
                 lens,
+                start: camera.is_orthographic().then(|| (self.world.origin() + start).to_array()),
                 chapter_direction: d.to_array(),
                 raster: self.raster.take(),
                 ray,

@@ -16,6 +16,9 @@ pub struct CameraSteps {
     pub eye: [f64; 3],
     /// x̂ₑ, ŷₑ and ẑₑ of (5.3): to the right, upwards and backwards.
     pub axes: [[f64; 3]; 3],
+    /// Whether all rays are parallel. The window is then given, and not computed from an angle.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub orthographic: bool,
     /// d_f, the distance of the projection plane (5.2a).
     pub d_f: f64,
     /// The window's height on that plane (5.2b).
@@ -31,6 +34,7 @@ impl CameraSteps {
         CameraSteps {
             eye: (world.origin() + camera.eye()).to_array(),
             axes: camera.axes().map(|axis| axis.to_array()),
+            orthographic: camera.is_orthographic(),
             d_f: camera.focal_distance(),
             height: window.y,
             base: window.x,

@@ -8,9 +8,12 @@ impl CameraSteps {
     pub(super) fn lines<'t>(&self) -> [Line<'t>; 2] {
         let ([x, y, z], eye) = (self.axes, self.eye);
         let start = line!("camera: eye {eye}, x_e = {x_e:5.3}, y_e = {y_e:5.3}, z_e = {z_e:5.3}  (5.3)", eye, x, y, z);
-        let near =
-            line!("    d_f = near = {d_f:5.2}, height = 2*d_f*tan(fovy/2) = {height:5.2}", self.d_f, self.height);
-        [start, near.and(line!(", base = w/h*height = {base:5.2}  (5.2)", self.base))]
+        let near = line!("    d_f = near = {d_f:5.2}", self.d_f);
+        let height = match self.orthographic {
+            false => line!(", height = 2*d_f*tan(fovy/2) = {height:5.2}", self.height),
+            true => line!(", orthographic: height = {height:5.2}", self.height),
+        };
+        [start, near.and(height).and(line!(", base = w/h*height = {base:5.2}  (5.2)", self.base))]
     }
 }
 

@@ -183,10 +183,15 @@ impl SampleNode {
     /// The terms of a camera ray's start.
     pub(super) fn lines<'t>(&self) -> Vec<Line<'t>> {
         let [x, y] = self.position;
-        let mut lines = vec![
-            line!("{place in the picture:5.10}{weight}", self.position, self.weight).written_if(false),
-            line!("camera ray through x = {}, y = {}: d = {d:5.10}  (5.10)", x, y, self.chapter_direction),
-        ];
+        let ray = match self.start {
+            None => line!("camera ray through x = {}, y = {}: d = {d:5.10}  (5.10)", x, y, self.chapter_direction),
+            Some(start) => {
+                let start = line!("camera ray through x = {}, y = {}: o = {start}", x, y, start);
+                start.and(line!(", d = -d_f*z_e = {d}", self.chapter_direction))
+            }
+        };
+        let mut lines =
+            vec![line!("{place in the picture:5.10}{weight}", self.position, self.weight).written_if(false), ray];
         lines.extend(drawn_lines(self.time, self.lens));
         lines.into_iter().map(Line::of_ray).collect()
     }
@@ -196,7 +201,7 @@ impl SampleNode {
 pub(super) fn drawn_lines<'t>(time: Option<f64>, lens: Option<[f64; 2]>) -> Vec<Line<'t>> {
     let time = time.map(|time| line!("at time {time} of 0 (shutter opens) to 1 (shutter closes)", time));
     let lens = lens.map(|[right, up]| {
-        let start = line!("from the point of the lens {lens, to the right} to the right of the eye", right);
+        let start = line!("from the point of the lens {lens, to the right} to the right of its centre", right);
         start.and(line!(" and {lens, upwards} above it", up))
     });
     time.into_iter().chain(lens).collect()

@@ -47,10 +47,13 @@ pub struct SampleNode {
     /// The time, from 0 (the shutter opens) to 1 (it closes), if anything moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
-    /// The point of the lens that the ray left, relative to the eye, to the right and upwards. Without a lens the ray
-    /// left the eye.
+    /// The point of the lens that the ray left, relative to its centre, to the right and upwards. The centre is where
+    /// the ray starts without a lens: the eye, or `start`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lens: Option<[f64; 2]>,
+    /// Where the ray starts on the plane through the eye without a lens, if the camera is orthographic.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<[f64; 3]>,
     /// d of (5.10), from the eye to the projection plane. Without a lens, `ray` has this direction, normalised.
     pub chapter_direction: [f64; 3],
     /// The triangle that a z-buffer shows here.

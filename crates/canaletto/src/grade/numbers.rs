@@ -6,7 +6,7 @@ use super::seen::{Seen, objects_of};
 use crate::light::LightKind;
 use crate::material::{Material, MaterialModel, Phong};
 use crate::math::{Rgb, Transform};
-use crate::scene::{Content, Scene, Stage, View};
+use crate::scene::{CameraProjection, Content, Scene, Stage, View};
 use crate::shape::Shape;
 use crate::world::World;
 use glam::{DVec3, Vec3};
@@ -91,6 +91,8 @@ impl Subject<'_> {
     /// The numbers that may be otherwise, those with fewer values first.
     pub(super) fn numbers(&self, stage: Stage) -> Vec<Number> {
         let mut all = vec![Number::Up, Number::Fovy, Number::Brightness, Number::Eye, Number::Center];
+        // An orthographic camera has no angle of view.
+        all.retain(|n| *n != Number::Fovy || self.view.intrinsics.projection == CameraProjection::Perspective);
         let scene = self.scene;
         let texels: usize = scene.images.iter().map(|image| (image.width * image.height) as usize).sum();
         if scene.nodes.len() > MOST_NODES || self.world.primitives() > MOST_PRIMITIVES || texels > MOST_TEXELS {

@@ -102,6 +102,11 @@ impl Tracer<'_> {
         let x = if settings.has(Mistake::Mirrored) { w - x } else { x };
         let (origin, d) = camera.chapter_ray(x, y);
         let [x_e, y_e, z_e] = camera.axes();
+        if camera.is_orthographic() {
+            let base = (origin - camera.eye()).dot(x_e);
+            let across = x_e * (self.in_square_window(base) - base);
+            return DRay { origin: origin + across, direction: d.normalize() };
+        }
         let (mut base, mut height) = (d.dot(x_e), d.dot(y_e));
         let (near, window) = (camera.focal_distance(), camera.window());
         let half = libm::atan(window.y / (2.0 * near));
@@ -117,12 +122,18 @@ impl Tracer<'_> {
         if settings.has(Mistake::HorizontalAngle) {
             (base, height) = (base * h / w, height * h / w);
         }
-        match settings.amount(Mistake::SquareWindow) {
-            Some(form::INVERTED_ASPECT) => base *= (h / w) * (h / w),
-            Some(_) => base *= h / w,
-            None => {}
-        }
+        base = self.in_square_window(base);
         DRay { origin, direction: (z_e * d.dot(z_e) + y_e * height + x_e * base).normalize() }
+    }
+
+    /// The place along the window's width, after a mistake about its aspect.
+    fn in_square_window(&self, base: f64) -> f64 {
+        let [w, h] = self.camera.size().map(f64::from);
+        match self.settings.amount(Mistake::SquareWindow) {
+            Some(form::INVERTED_ASPECT) => base * ((h / w) * (h / w)),
+            Some(_) => base * (h / w),
+            None => base,
+        }
     }
 
     fn trace(&self, ray: TracedRay) -> DVec3 {

@@ -1,14 +1,14 @@
 //! The layers of geometry at the first hit of a pixel.
 
+use crate::camera::Camera;
 use crate::job::Aov;
 use crate::shape::Surface;
 use crate::world::{Hit, World};
-use glam::DVec3;
 
 /// The values of a pixel's layers of geometry.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FirstHit {
-    /// The distance of the exact point from the eye.
+    /// [`Camera::distance`] of the exact point.
     depth: f32,
     /// The unit shading normal on the viewer's side.
     normal: [f32; 3],
@@ -24,11 +24,11 @@ impl FirstHit {
     pub(crate) const MISS: FirstHit =
         FirstHit { depth: f32::INFINITY, normal: [0.0; 3], position: [0.0; 3], uv: [0.0; 2], ids: [0; 3] };
 
-    /// A hit that is seen from `eye`, from outside or from inside.
-    pub(crate) fn new(world: &World, eye: DVec3, hit: &Hit, surface: &Surface, outside: bool) -> FirstHit {
+    /// A hit that a camera at rest sees, from outside or from inside.
+    pub(crate) fn new(world: &World, camera: &Camera, hit: &Hit, surface: &Surface, outside: bool) -> FirstHit {
         let normal = if outside { surface.shading_normal } else { -surface.shading_normal };
         FirstHit {
-            depth: (surface.exact - eye).length() as f32,
+            depth: camera.distance(surface.exact) as f32,
             normal: normal.as_vec3().to_array(),
             position: world.to_scene(surface.point).to_array(),
             uv: surface.uv.to_array(),

@@ -2,7 +2,8 @@
 //!
 //! Depths are stored as 1/z. Their relative precision is therefore the same at all distances, and the planes may lie
 //! as far apart as is needed. Planes that the camera doesn't give are derived from the world: the near one lies in
-//! front of everything, and there is no far one.
+//! front of everything, and there is no far one. An orthographic camera, whose depths are −z, draws from the plane
+//! through its eye on.
 
 use super::facets::corners;
 use crate::camera::Camera;
@@ -56,6 +57,10 @@ impl DepthRange {
         }
         let derived = if nearest > 0.0 && nearest.is_finite() { nearest } else { camera.focal_distance() };
         let far = camera.far_plane().unwrap_or(f64::INFINITY);
+        if camera.is_orthographic() {
+            let (near, window) = (camera.near_plane().unwrap_or(0.0), camera.window() * (camera.shift().abs() + 0.5));
+            return DepthRange { near, far, reach: farthest.max(near).max(window.max_element()) * REACH };
+        }
         // The derived plane lies in front of a given far plane.
         let near = camera.near_plane().unwrap_or_else(|| derived.min(far * OUTSIDE));
         DepthRange { near, far, reach: farthest.max(near) * REACH }

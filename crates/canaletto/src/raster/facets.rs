@@ -79,6 +79,9 @@ impl Tolerance {
         view: Aabb,
     ) -> Tolerance {
         let scale = projection.pixels_per_unit(size);
+        if camera.is_orthographic() {
+            return Tolerance { pixels, distance: ViewDistance::Parallel, scale, view };
+        }
         let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], size];
         let cosine = |[x, y]: [f64; 2]| -camera.line(x, y).direction.dot(camera.axes()[2]);
         let cosine = corners.map(cosine).into_iter().fold(1.0, f64::min);
@@ -151,12 +154,13 @@ impl Facets {
         tolerance: &Tolerance,
     ) -> Facets {
         let even = tolerance.of(shape, to_world);
-        let (tessellation, facet_tolerance, is_coarse) =
-            match shape.tessellate(even, &tolerance.view, MOST_EVEN_TRIANGLES) {
-                Ok(tessellation) => (tessellation, FacetTolerance::Even(even), false),
-                Err(_) => Facets::for_view(shape, to_world, tolerance),
-            };
-        let is_far = matches!(facet_tolerance, FacetTolerance::Distance { .. }) || matches!(shape, Shape::Plane(_));
+        let evenly = shape.tessellate(even, &tolerance.view, MOST_EVEN_TRIANGLES);
+        let is_even = evenly.is_ok();
+        let (tessellation, facet_tolerance, is_coarse) = match evenly {
+            Ok(tessellation) => (tessellation, FacetTolerance::Even(even), false),
+            Err(_) => Facets::for_view(shape, to_world, tolerance),
+        };
+        let is_far = !is_even || matches!(shape, Shape::Plane(_));
         let exact_positions = is_far.then(|| tessellation.vertices.iter().map(|v| v.point).collect());
         let is_exact = shape.is_polygonal() || matches!(shape, Shape::Disk(_));
         let one_sided = matches!(shape, Shape::Triangle(triangle) if triangle.one_sided);
@@ -188,7 +192,10 @@ impl Facets {
                 let point = to_world.map_or(point, |t| t.point(point));
                 factor * (((point - viewer).length() - radius * stretch) * cosine).max(floor)
             };
-            let facet_tolerance = FacetTolerance::Distance { factor, floor };
+            let facet_tolerance = match tolerance.distance {
+                ViewDistance::Parallel => FacetTolerance::Even(factor),
+                _ => FacetTolerance::Distance { factor, floor },
+            };
             match shape.tessellate_for_view(&allowed, MOST_TRIANGLES) {
                 Ok(Some(tessellation)) => return (tessellation, facet_tolerance, factor > wanted),
                 Err(_) if factor.is_finite() && factor > 0.0 => factor *= 2.0,

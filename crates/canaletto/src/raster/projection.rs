@@ -44,6 +44,16 @@ impl Projection {
     pub(crate) fn of_camera(camera: &Camera, range: DepthRange) -> Projection {
         let [right, up, back] = camera.axes();
         let ([w, h], window, shift) = (camera.size().map(f64::from), camera.window(), camera.shift());
+        let frame = Frame { eye: camera.eye(), right, up, forward: -back };
+        if camera.is_orthographic() {
+            let rows = [
+                [w / window.x, 0.0, 0.0, (0.5 - shift.x) * w],
+                [0.0, h / window.y, 0.0, (0.5 - shift.y) * h],
+                [0.0, 0.0, 0.0, 1.0],
+                [0.0, 0.0, -1.0, 0.0],
+            ];
+            return frame.projection(rows, DVec4::new(0.0, 0.0, -range.near, -1.0), -range.far);
+        }
         let focal = camera.focal_distance();
         let rows = [
             [focal / window.x * w, 0.0, (0.5 - shift.x) * w, 0.0],
@@ -51,7 +61,6 @@ impl Projection {
             [0.0, 0.0, 1.0, 0.0],
             [0.0, 0.0, 0.0, 1.0],
         ];
-        let frame = Frame { eye: camera.eye(), right, up, forward: -back };
         frame.projection(rows, DVec4::new(0.0, 0.0, 1.0, -range.near), 1.0 / range.far)
     }
 
@@ -123,8 +132,11 @@ impl Projection {
         self.near
     }
 
-    /// A plane at half the distance of the near plane.
+    /// A plane at half the distance of the near plane. A parallel projection needs none: W is 1 everywhere.
     pub(crate) fn nearer_plane(&self) -> DVec4 {
+        if !self.is_perspective() {
+            return DVec4::Z;
+        }
         DVec4::new(self.near.x, self.near.y, self.near.z, 0.5 * self.near.w)
     }
 
@@ -133,10 +145,29 @@ impl Projection {
         if self.near.w == 0.0 { f64::INFINITY } else { -self.near.z / self.near.w }
     }
 
-    /// The depth at parameter t of a line from the eye of a perspective, and t at a depth: either is 1 over the other
-    /// and this factor.
-    pub(crate) fn depth_factor(&self, line: &DRay) -> f64 {
-        self.gradients[2].dot(line.direction)
+    /// The parameter t of a line from the viewer at a depth.
+    pub(crate) fn parameter_at(&self, line: &DRay, depth: f64) -> f64 {
+        let [_, _, w, d] = self.gradients;
+        if self.is_perspective() {
+            1.0 / (depth * w.dot(line.direction))
+        } else {
+            (depth - self.offsets.w - d.dot(line.origin)) / d.dot(line.direction)
+        }
+    }
+
+    /// The depth at parameter t of a line from the viewer.
+    pub(crate) fn depth_at(&self, line: &DRay, t: f64) -> f64 {
+        let [_, _, w, d] = self.gradients;
+        if self.is_perspective() {
+            1.0 / (t * w.dot(line.direction))
+        } else {
+            self.offsets.w + d.dot(line.origin) + t * d.dot(line.direction)
+        }
+    }
+
+    /// The distance along the optical axis of a camera's depth.
+    pub(crate) fn distance_of(&self, depth: f64) -> f64 {
+        if self.is_perspective() { 1.0 / depth } else { -depth }
     }
 
     /// The largest number of pixels that a unit of length covers where W is 1.

@@ -102,7 +102,7 @@ impl<'w> UnshadedView<'w> {
                     let least_coverage = (self.least_coverage)(place, triangle.source);
                     let depth = refined_depth(triangle, visible, &line, depth, projection, world, least_coverage)?;
                     // A viewer on a curved surface doesn't see it where they are.
-                    let t = 1.0 / (f64::from(depth) * projection.depth_factor(&line));
+                    let t = projection.parameter_at(&line, depth.into());
                     (!triangle.is_curved || t > visible.rounding(&line)).then_some(depth)
                 });
             });
@@ -130,8 +130,7 @@ pub(crate) fn refined_depth(
     if !triangle.is_curved {
         return Some(depth);
     }
-    let factor = projection.depth_factor(line);
-    let t = visible.surface_near(line, 1.0 / (f64::from(depth) * factor));
-    let depth = (1.0 / (t * factor)) as f32;
+    let t = visible.surface_near(line, projection.parameter_at(line, depth.into()));
+    let depth = projection.depth_at(line, t) as f32;
     (f64::from(depth) <= projection.near_depth()).then_some(depth)
 }

@@ -4,6 +4,7 @@ use super::coverage::{ScreenTriangle, Source};
 use super::facets::{Facets, Tolerance};
 use super::geometry::BinnedTriangles;
 use super::triangle_hits::{TriangleHits, triangle_hit};
+use crate::camera::Camera;
 use crate::math::{DRay, Transform};
 use crate::shape::{Shape, ShapeHit};
 use crate::world::{Hit, MeshFacet, PlacedGeometry, Primitives, World};
@@ -318,12 +319,11 @@ impl VisibleTriangle<'_> {
         a + (b - a) * f64::from(u) + (c - a) * f64::from(v)
     }
 
-    /// The line from the eye to the point with these barycentric coordinates, and the hit there.
-    pub(crate) fn seen_from(&self, eye: DVec3, uv: [f32; 2]) -> (DRay, Hit) {
+    /// The line from the camera to the point with these barycentric coordinates, and the hit there.
+    pub(crate) fn seen_by(&self, camera: &Camera, uv: [f32; 2]) -> (DRay, Hit) {
         let local = self.point(uv);
         let point = self.to_world.map_or(local, |t| t.point(local));
-        let distance = (point - eye).length();
-        let line = DRay { origin: eye, direction: (point - eye) / distance };
+        let (line, distance) = camera.line_to(point);
         (line, self.source.hit(distance as f32, uv, self.part))
     }
 }

@@ -22,15 +22,18 @@ pub struct View {
 /// The parameters of `gluPerspective` and the picture's size. They stay constant when the camera moves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
-    /// The whole vertical angle of view in degrees, in (0, 180).
+    /// The whole vertical angle of view in degrees, in (0, 180). An orthographic camera has no angle and ignores it.
     pub fovy: f64,
+    /// How rays leave the camera.
+    #[serde(default)]
+    pub projection: CameraProjection,
     /// The picture's width in pixels, at least 1.
     pub width: u32,
     /// The picture's height in pixels, at least 1.
     pub height: u32,
     /// d_f > 0, the distance of the projection plane (5.2a); none for [`Intrinsics::DEFAULT_NEAR`]. Rays start at the
-    /// eye, not at this plane. A z-buffer draws nothing in front of a given one. Without it, it draws all that is in
-    /// front of the eye.
+    /// eye, or on the plane through it, not at this plane. A z-buffer draws nothing in front of a given one. Without
+    /// it, it draws all that is in front of the eye.
     #[serde(default)]
     pub near: Option<f64>,
     /// The distance of the far plane, beyond which a z-buffer draws nothing; none for no such plane.
@@ -55,6 +58,22 @@ impl Intrinsics {
 
     /// The distance of the projection plane if none is given.
     pub const DEFAULT_NEAR: f64 = 1.0;
+}
+
+/// How the rays of a camera leave it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum CameraProjection {
+    /// All rays start at the eye. [`Intrinsics::fovy`] gives the window.
+    #[default]
+    Perspective,
+    /// All rays are parallel to the optical axis and start on the plane through the eye. Sizes in the picture don't
+    /// depend on the distance.
+    Orthographic {
+        /// The whole height of the window in the scene's unit, > 0: twice glTF's `ymag`.
+        height: f64,
+    },
 }
 
 /// A thin lens.
@@ -83,7 +102,7 @@ pub enum Aperture {
     /// The radius in the scene's unit, > 0. With corners it is their distance from the centre.
     Radius(f64),
     /// The f-number N > 0: the opening is d_f / N wide. The projection plane at d_f = `near` is thus taken for the
-    /// film, and its distance for the focal length.
+    /// film, and its distance for the focal length. An orthographic camera has no focal length, and takes a radius.
     Number(f64),
 }
 
@@ -104,6 +123,7 @@ impl Default for Intrinsics {
     fn default() -> Intrinsics {
         Intrinsics {
             fovy: 60.0,
+            projection: CameraProjection::Perspective,
             width: 640,
             height: 480,
             near: None,
@@ -118,7 +138,7 @@ impl Default for Intrinsics {
 /// The parameters of `gluLookAt`: the position and orientation of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extrinsics {
-    /// The centre of projection.
+    /// The centre of projection. For an orthographic camera it is the point of the optical axis where rays start.
     pub eye: DVec3,
     /// A point on the optical axis.
     pub center: DVec3,

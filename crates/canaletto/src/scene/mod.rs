@@ -13,7 +13,7 @@ mod path_settings;
 mod radiosity;
 mod sparse;
 
-pub use camera::{Aperture, Extrinsics, Focus, Intrinsics, Lens, View};
+pub use camera::{Aperture, CameraProjection, Extrinsics, Focus, Intrinsics, Lens, View};
 pub use film::{Developing, Exposure, FilmSettings, Filter, SamplePattern, SamplerKind, Sampling, Tone, Transfer};
 pub use fragment::{Fragment, Offsets};
 pub use integrator::{Integrator, Shading, ShadowMethod, Stage, WhittedSettings, ZbufferSettings};

@@ -17,7 +17,7 @@ use crate::stdout::{print, print_json};
 use canaletto::light::{Light, PreparedLight};
 use canaletto::material::{Material, Parameter, ParameterValue, Shown};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::View;
+use canaletto::scene::{CameraProjection, View};
 use canaletto::world::{World, WorldStats};
 use clap::Args;
 use picture::print_picture;
@@ -192,12 +192,15 @@ fn contents(stats: &WorldStats) -> String {
 fn camera(view: &View) -> String {
     let (i, e) = (&view.intrinsics, &view.extrinsics);
     let point = |p: [f64; 3]| format!("({}, {}, {})", short(p[0]), short(p[1]), short(p[2]));
+    let window = match i.projection {
+        CameraProjection::Orthographic { height } => format!("orthographic {}", short(height)),
+        _ => format!("fovy {}", short(i.fovy)),
+    };
     format!(
-        "\"{}\": eye {}, center {}, fovy {}, {} x {} pixels",
+        "\"{}\": eye {}, center {}, {window}, {} x {} pixels",
         view.name,
         point(e.eye.to_array()),
         point(e.center.to_array()),
-        short(i.fovy),
         i.width,
         i.height
     )

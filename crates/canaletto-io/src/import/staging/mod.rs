@@ -10,13 +10,16 @@ pub(super) use fit_camera::fit_camera;
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
 use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::{Content, FilmSettings, Fragment, Intrinsics, Node, SamplePattern, Sampling, Scene, View};
+use canaletto::scene::{
+    CameraProjection, Content, FilmSettings, Fragment, Intrinsics, Node, SamplePattern, Sampling, Scene, View,
+};
 use canaletto::shape::{Disk, Mesh, Plane, Shape};
 use glam::DVec3;
 
 /// The camera of models, without its placement.
 pub(super) const FRAMING: Intrinsics = Intrinsics {
     fovy: 35.0,
+    projection: CameraProjection::Perspective,
     width: 960,
     height: 720,
     near: None,

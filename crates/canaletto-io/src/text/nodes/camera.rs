@@ -10,7 +10,7 @@ use crate::text::report::Message;
 use crate::text::schema::{Block, Field, NodeSchema, Text, numbers, quoted};
 use canaletto::camera::Camera;
 use canaletto::render::Job;
-use canaletto::scene::{Aperture, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, View};
+use canaletto::scene::{Aperture, CameraProjection, Extrinsics, FilmSettings, Focus, Intrinsics, Lens, View};
 use glam::DVec3;
 
 /// The default name of a camera.
@@ -27,6 +27,11 @@ const UP: Field<DVec3> =
     Field::new("up", "a direction that is upwards in the picture").or(|| numbers(Extrinsics::default().up.to_array()));
 const FOVY: Field<f64> = Field::new("fovy", "the whole vertical angle of view in degrees, between 0 and 180")
     .or(|| Intrinsics::default().fovy.to_string());
+const ORTHOGRAPHIC: Field<f64> = Field::new(
+    "orthographic",
+    "instead of `fovy`: all rays are parallel, and the picture shows this height, in the scene's unit, at every \
+     distance; rays start on the plane through the eye",
+);
 const NEAR: Field<f64> = Field::new(
     "near",
     "the distance of the projection plane; rays start at the eye all the same, but a z-buffer draws nothing in front of \
@@ -69,6 +74,7 @@ pub(crate) static CAMERA: NodeSchema = NodeSchema::new(
         CENTER.schema,
         UP.schema,
         FOVY.schema,
+        ORTHOGRAPHIC.schema,
         NEAR.schema,
         FAR.schema,
         SIZE.schema,
@@ -91,7 +97,8 @@ const LENS_RADIUS: Field<f64> =
     Field::new("radius", "the radius of its opening, to the corners if it has any; or `f-number`");
 const F_NUMBER: Field<f64> = Field::new(
     "f-number",
-    "N of a photographer's f/N: the opening is as wide as the camera's `near`, the distance of the film, divided by N",
+    "N of a photographer's f/N: the opening is as wide as the camera's `near`, the distance of the film, divided by N; \
+     not of an orthographic camera",
 );
 const FOCUS: Field<f64> =
     Field::new("focus", "the distance of what is sharp, along the optical axis; or `focus-point`");
@@ -139,6 +146,7 @@ impl Decoder<'_> {
             self.scene.views.push(view);
             self.scene.views.len() - 1
         });
+        self.either(fields, &FOVY, &ORTHOGRAPHIC);
         let lens = if fields.has(&LENS_FIELD) { self.lens(fields) } else { None };
         change_view(&mut self.scene.views[index], fields);
         let from = self.scene.views[index].extrinsics;
@@ -245,7 +253,10 @@ fn change_view(view: &mut View, fields: &Fields) {
     change(&mut e.eye, fields.get(&EYE));
     change(&mut e.center, fields.get(&CENTER));
     change(&mut e.up, fields.get(&UP));
-    change(&mut i.fovy, fields.get(&FOVY));
+    let fovy = fields.get(&FOVY);
+    change(&mut i.fovy, fovy);
+    change(&mut i.projection, fovy.map(|_| CameraProjection::Perspective));
+    change(&mut i.projection, fields.get(&ORTHOGRAPHIC).map(|height| CameraProjection::Orthographic { height }));
     i.near = fields.get(&NEAR).or(i.near);
     i.far = fields.get(&FAR).or(i.far);
     change(&mut i.shift, fields.get(&SHIFT));

@@ -6,7 +6,9 @@ use crate::text::schema::{NodeSchema, ValueType};
 use crate::text::syntax::Node;
 use crate::text::{SceneDocument, read_scene_text};
 use canaletto::material::TextureUse;
-use canaletto::scene::{Aperture, Integrator, Lens, Scene, ShadowMethod, WhittedSettings, ZbufferSettings};
+use canaletto::scene::{
+    Aperture, CameraProjection, Integrator, Lens, Scene, ShadowMethod, WhittedSettings, ZbufferSettings,
+};
 use glam::DVec3;
 
 const SCENE: &str = "camera { eye 0 0 9; size 8 8 }\nintegrator \"whitted\" { max-depth 3; shadows #false }\n\
@@ -187,6 +189,26 @@ fn the_fitted_camera_of_a_scene_without_one_is_changed() {
     (expected[0].intrinsics.fovy, expected[0].intrinsics.width, expected[0].intrinsics.height) = (50.0, 40, 30);
     assert_eq!(set, expected);
     assert_ne!(fitted, expected);
+}
+
+/// A camera says once how rays leave it, in its file or by a setting.
+#[test]
+fn a_camera_is_orthographic_or_has_an_angle() {
+    let ball = "sphere { center 10 0 0; radius 1 }\nlight \"omni\" { position 1 2 3 }";
+    let projection = |text: &str, set: &[&str]| {
+        scene_with(&format!("{text}\n{ball}"), set).map(|scene| scene.views[0].intrinsics.projection)
+    };
+    let flat = |height: f64| Ok(CameraProjection::Orthographic { height });
+    assert_eq!(projection("camera { orthographic 4 }", &[]), flat(4.0));
+    assert_eq!(projection("", &["camera.orthographic=3"]), flat(3.0));
+    assert_eq!(projection("camera { orthographic 4 }", &["camera.orthographic=2.5"]), flat(2.5));
+    assert_eq!(projection("camera { fovy 40 }", &[]), Ok(CameraProjection::Perspective));
+    for (text, set) in
+        [("camera { orthographic 4 }", "camera.fovy=40"), ("camera { fovy 40 }", "camera.orthographic=4")]
+    {
+        let problem = projection(text, &[set]).unwrap_err();
+        assert!(problem.contains("camera has either fovy or orthographic"), "{problem}");
+    }
 }
 
 fn textures_of_m(scene: &Scene) -> Vec<TextureUse> {

@@ -52,7 +52,7 @@ pub struct PathSample {
     /// The time, from 0 (the shutter opens) to 1 (it closes), if anything moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
-    /// The point of the lens that the ray left, relative to the eye, to the right and upwards.
+    /// The point of the lens that the ray left, relative to its centre, to the right and upwards.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lens: Option<[f64; 2]>,
     /// The rays of the path, from the eye on.

@@ -9,7 +9,6 @@ use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::{GeometryProbe, Hit, World};
 use canaletto_bvh::Ray;
-use glam::DVec3;
 
 /// Sums of the light terms of one sample, or weighted sums of all samples.
 #[derive(Clone, Copy, Default)]
@@ -47,8 +46,8 @@ impl Light {
 pub(super) struct AovProbe<'w> {
     world: &'w World,
     camera: &'w Camera,
-    /// The eye's position at the time of the sample.
-    eye: DVec3,
+    /// The camera at the time of the sample, if it moves.
+    still: Option<Camera>,
     /// The hit of the first sample.
     first_hit: FirstHit,
     samples: u32,
@@ -69,7 +68,7 @@ impl<'w> AovProbe<'w> {
         AovProbe {
             world,
             camera,
-            eye: camera.eye(),
+            still: None,
             first_hit: FirstHit::MISS,
             samples: 0,
             sums: [[0.0; 3]; 7],
@@ -147,7 +146,7 @@ impl Probe for AovProbe<'_> {
         if let Some(time) = time
             && self.camera.moves()
         {
-            self.eye = self.camera.at(time).eye();
+            self.still = Some(self.camera.at(time));
         }
     }
 
@@ -164,7 +163,8 @@ impl Probe for AovProbe<'_> {
 
     fn hit(&mut self, hit: &Hit, surface: &Surface, _material: &MaterialPoint, outside: bool) {
         if self.samples == 1 && self.stack.len() == 1 {
-            self.first_hit = FirstHit::new(self.world, self.eye, hit, surface, outside);
+            let camera = self.still.as_ref().unwrap_or(self.camera);
+            self.first_hit = FirstHit::new(self.world, camera, hit, surface, outside);
         }
     }
 

@@ -43,7 +43,7 @@ pub struct RasterTriangle {
     pub corners: [[f64; 2]; 3],
     /// The perspective-correct barycentric coordinates of the shaded place, one weight for each corner before clipping.
     pub weights: [f32; 3],
-    /// The depth 1/z; larger is nearer.
+    /// The depth 1/z, or −z of an orthographic camera; larger is nearer.
     pub depth: f32,
     /// z, the distance along the camera's axis.
     pub z: f64,
@@ -55,7 +55,7 @@ pub struct RasterTriangle {
 pub struct RasterRival {
     /// The object.
     pub object: String,
-    /// The depth 1/z.
+    /// The depth 1/z, or −z of an orthographic camera.
     pub depth: f32,
     /// z, the distance along the camera's axis.
     pub z: f64,
@@ -186,7 +186,7 @@ impl ExplainedTile {
 
 /// What a part shows, and its rivals if they are wanted.
 fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart, with_rivals: bool) -> RasterNode {
-    let Zbuffer { world, binned, camera, far_depth, .. } = worker.zbuffer;
+    let Zbuffer { world, binned, camera, projection, far_depth, .. } = worker.zbuffer;
     let sites = &worker.samples.sites;
     let name = |triangle: &ScreenTriangle| world.object(&triangle.source.hit(0.0, [0.0; 2], 0)).name.clone();
     let [x, y] = part.place;
@@ -208,7 +208,7 @@ fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart, with_rival
             corners: triangle.corners_in_pixels(),
             weights: [1.0 - u - v, u, v],
             depth,
-            z: 1.0 / f64::from(depth),
+            z: projection.distance_of(depth.into()),
         }
     });
     let mut rivals = Vec::new();
@@ -226,7 +226,7 @@ fn raster_node(worker: &ZbufferWorker, tile: usize, part: &PixelPart, with_rival
             Some(_) if triangle.as_ref().is_some_and(|triangle| its >= triangle.depth) => RivalFate::Equal,
             Some(_) => RivalFate::Farther,
         };
-        rivals.push(RasterRival { object: name(other), depth: its, z: 1.0 / f64::from(its), fate });
+        rivals.push(RasterRival { object: name(other), depth: its, z: projection.distance_of(its.into()), fate });
     }
     rivals.sort_by(|a, b| b.depth.total_cmp(&a.depth));
     let more_rivals = rivals.len().saturating_sub(MOST_RIVALS);

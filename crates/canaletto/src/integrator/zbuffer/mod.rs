@@ -439,7 +439,7 @@ impl ZbufferWorker<'_> {
             let fragment = TriangleLookup::smooth(visible, (line, visible.hit(&line)), differential, sample);
             let surface = self.whitted.fragment_surface(&fragment);
             let outside = surface.normal.dot(line.direction) < 0.0;
-            FirstHit::new(world, camera.eye(), &fragment.hit, &surface, outside)
+            FirstHit::new(world, camera, &fragment.hit, &surface, outside)
         });
         for (layer, aov) in aovs.iter().enumerate() {
             let mut values = [0.0; 3];
@@ -504,11 +504,11 @@ impl TriangleLookup<'_> {
             |(line, hit), is_flat| Fragment { line, hit, facet: visible.facet(), is_flat, differential, sample };
         match settings.shading {
             Shading::Phong => add(part.share, Self::smooth(visible, seen, differential, sample)),
-            Shading::Flat => add(part.share, fragment(visible.seen_from(camera.eye(), [1.0 / 3.0; 2]), true)),
+            Shading::Flat => add(part.share, fragment(visible.seen_by(camera, [1.0 / 3.0; 2]), true)),
             Shading::Gouraud => {
                 let [u, v] = seen.1.uv.map(f64::from);
                 for (weight, uv) in [(1.0 - u - v, [0.0, 0.0]), (u, [1.0, 0.0]), (v, [0.0, 1.0])] {
-                    add(part.share * weight.max(0.0), fragment(visible.seen_from(camera.eye(), uv), false));
+                    add(part.share * weight.max(0.0), fragment(visible.seen_by(camera, uv), false));
                 }
             }
         }
