@@ -63,40 +63,51 @@ fn a_balls_outline_has_its_radius_at_every_distance() {
     }
 }
 
-/// The plane through the eye cuts a glass ball: rays that start inside of it leave glass first, and others enter it or
-/// miss it.
+/// The plane through the eye cuts a glass ball, and the eye is beside it. Rays that start in glass don't see the drop of
+/// water that the glass fills, and leave glass. Others miss the ball and see their own drop.
 #[test]
 fn each_ray_starts_in_its_own_bodies() {
-    let glass = Phong { opacity: 0.0, eta: 1.5, ..Phong::default() };
-    let ball = Shape::Sphere(Sphere { center: Vec3::new(1.0, 0.0, 10.0), radius: 2.0 });
+    let clear = |eta: f32, priority: f32| {
+        let phong = Phong { opacity: 0.0, eta, ..Phong::default() };
+        Material { priority, ..Material::new("clear", phong) }
+    };
+    let ball = |x: f32, z: f32, radius: f32, material: u32| {
+        Node::from(Shape::Sphere(Sphere { center: Vec3::new(x, 0.0, z), radius })).with_material(material)
+    };
     let world = World::build(Scene {
         background: Rgb::new(0.2, 0.4, 0.6),
-        materials: vec![Material::new("glass", glass)],
-        nodes: vec![Node::from(ball).with_material(0)],
+        materials: vec![clear(1.5, 1.0), clear(1.33, 0.0)],
+        nodes: vec![
+            ball(2.5, 10.0, 2.0, 0),
+            ball(2.5, 9.0, 0.7, 1).named("hidden drop"),
+            ball(-2.5, 9.0, 0.7, 1).named("drop"),
+        ],
         ..Scene::default()
     })
     .unwrap();
     let mut job = Job::new(square_view(40), FilmSettings::default(), WhittedSettings::default());
     job.film.sampling = Sampling::Center;
-    let (mut inside, mut outside) = (0, 0);
+    let picture = render(&world, &job, &()).unwrap().picture;
+    let (mut leaving, mut hidden, mut seen) = (0, 0, 0);
     for (x, y) in (0..40).flat_map(|x| (0..40).map(move |y| (x, y))) {
         let tree = explain(&world, &job, x, y).unwrap();
+        assert_eq!(tree.color, picture.pixel(x, y), "{x} {y}");
         let place = |pixel: u32| (f64::from(pixel) + 0.5) / 4.0 - 5.0;
-        let starts_inside = (place(x) - 1.0).powi(2) + place(y).powi(2) < 4.0;
-        match &tree.samples[0].ray.outcome {
-            Outcome::Hit(hit) => {
-                let media: Vec<_> = hit.children.iter().filter_map(|ray| ray.media).collect();
-                assert!(starts_inside && media.iter().all(|media| *media == [1.5, 1.0]), "{x} {y}: {media:?}");
-                inside += media.len();
-            }
-            _ => {
-                assert!(!starts_inside, "{x} {y}");
-                outside += 1;
-            }
-        }
+        let starts_inside = (place(x) - 2.5).hypot(place(y)) < 2.0;
+        let ray = &tree.samples[0].ray;
+        hidden += ray.hidden.len();
+        let Outcome::Hit(hit) = &ray.outcome else {
+            assert!(!starts_inside, "{x} {y}");
+            continue;
+        };
+        let media: Vec<_> = hit.children.iter().filter_map(|ray| ray.media).collect();
+        let expected = if starts_inside { [1.5, 1.0] } else { [1.0, 1.33] };
+        assert!(media.iter().all(|media| *media == expected), "{x} {y}: {media:?}");
+        assert_eq!(hit.object == "drop", !starts_inside, "{x} {y}: {}", hit.object);
+        *(if starts_inside { &mut leaving } else { &mut seen }) += media.len();
     }
-    // Rays beyond the critical angle are mirrored inside.
-    assert!(inside > 80 && outside > 1000, "{inside} {outside}");
+    // Rays beyond the critical angle are mirrored inside. A drop has about 25 pixels and two sides.
+    assert!(leaving > 80 && hidden > 40 && seen > 20, "{leaving} {hidden} {seen}");
 }
 
 /// The sum of a pixel's explanation is the pixel, of rays side by side and of a rasteriser. Some rays start in glass.
