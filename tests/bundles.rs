@@ -48,7 +48,7 @@ fn few_things(moves: bool) -> Scene {
     }
     let light = |x: f32, y: f32, z: f32, w: f32| {
         let position = [x, y, z, w];
-        Node::new(Content::Light(Light::new(LightKind::Omni(Omni { position }), Rgb::gray(0.5))))
+        Node::new(Content::Light(Light::new(LightKind::Omni(Omni { position, range: 0.0 }), Rgb::gray(0.5))))
     };
     Scene {
         materials,
@@ -115,7 +115,7 @@ fn many_things(moves: bool) -> Scene {
         scene.nodes.push(node);
     }
     if moves {
-        let omni = Omni { position: [2.0, 3.0, 1.0, 1.0] };
+        let omni = Omni::at(Vec3::new(2.0, 3.0, 1.0));
         let mut light = Node::new(Content::Light(Light::new(LightKind::Omni(omni), Rgb::gray(0.4))));
         light.motion = vec![Transform::IDENTITY, Transform::translate(DVec3::X * 2.0)].into();
         scene.nodes.push(light);

@@ -96,7 +96,7 @@ fn exercise_4_and_19_light_from_infinity_on_a_triangle() {
             c: Vec3::new(4.0, 8.0, -4.0),
             one_sided: false,
         };
-        let light = Light::new(LightKind::Omni(Omni { position: [0.0, 1.0, 0.0, 0.0] }), Rgb::from(l));
+        let light = Light::new(LightKind::Omni(Omni { position: [0.0, 1.0, 0.0, 0.0], range: 0.0 }), Rgb::from(l));
         let kd = Rgb::new(0.6, 0.5, 0.3);
         let color = shade_at(
             Shape::Triangle(triangle),

@@ -315,11 +315,13 @@ fn shadow_maps_agree_with_shadow_rays_away_from_edges() {
     let lamps = [
         LightKind::Omni(Omni::at(Vec3::new(1.0, 6.0, 2.0))),
         LightKind::Directional(Directional { towards: Vec3::new(-0.2, -1.0, -0.3), beam: None }),
-        LightKind::Spot(Spot {
+        Spot {
             position: Vec3::new(1.0, 6.0, 2.0),
             target: Vec3::ZERO,
             falloff: Falloff::Smooth { inner: 20.0, outer: 30.0 },
-        }),
+            range: 0.0,
+        }
+        .into(),
     ];
     for lamp in lamps {
         let floor = Shape::Box(Cuboid { min: Vec3::new(-4.0, -1.0, -4.0), max: Vec3::new(4.0, 0.0, 4.0) });

@@ -70,11 +70,13 @@ pub fn still_life(scale: f32) -> Scene {
             towards: Vec3::new(0.3, -1.0, -0.2),
             beam: Some((v(0.0, 0.0, 0.0), 3.0 * scale)),
         }),
-        LightKind::Spot(Spot {
+        Spot {
             position: v(-4.0, 5.0, 3.0),
             target: v(0.0, 0.0, 0.0),
             falloff: Falloff::Smooth { inner: 20.0, outer: 35.0 },
-        }),
+            range: 0.0,
+        }
+        .into(),
         LightKind::Disk(DiskLight {
             disk: Disk { center: v(0.0, 7.0, 0.0), normal: Vec3::NEG_Y, radius: scale },
             points: 5,

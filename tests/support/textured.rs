@@ -50,6 +50,7 @@ pub fn textured_still_life(scale: f32) -> Scene {
             .unwrap()
             .after(&Transform::scale(DVec3::splat(size)).unwrap()),
         repeat: Repeat([2.0, 1.0]),
+        uv_set: 0,
     };
     let on = |texture, target, mapping| TextureUse { mapping, ..TextureUse::new(texture, target) };
     let uv = Mapping::default();

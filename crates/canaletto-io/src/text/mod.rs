@@ -24,6 +24,7 @@ mod suggest;
 mod syntax;
 mod validate;
 
+pub use arithmetic::color;
 pub use files::MAX_TEXT;
 pub(crate) use model_settings::set_in_model;
 pub use reference::reference_markdown;

@@ -60,7 +60,9 @@ pub(crate) fn is_described(node: &scene::Node) -> bool {
     let is_known = |light: &Light| {
         matches!(
             light.kind,
-            LightKind::Omni(Omni { position: [.., 0.0 | 1.0] }) | LightKind::Directional(_) | LightKind::Disk(_)
+            LightKind::Omni(Omni { position: [.., 0.0 | 1.0], range: 0.0 })
+                | LightKind::Directional(_)
+                | LightKind::Disk(_)
         )
     };
     matches!(&node.content, Content::Light(light) if is_known(light)) && is_translation(&node.transform)
@@ -93,10 +95,12 @@ fn described_light(node: &scene::Node, span: Span) -> Option<Node> {
     let flag = |word: &str, on: bool| child(word, vec![Value { kind: ValueKind::Flag(on), span }]);
     let count = |word: &str, count: u32| numbers(word, &[f64::from(count)]);
     let (kind, mut children) = match light.kind {
-        LightKind::Omni(Omni { position: [x, y, z, 0.0] }) => {
+        LightKind::Omni(Omni { position: [x, y, z, 0.0], .. }) => {
             ("omni", vec![numbers("position", &[x, y, z, 0.0].map(f64::from))])
         }
-        LightKind::Omni(Omni { position: [x, y, z, _] }) => ("omni", vec![point("position", 0, Vec3::new(x, y, z))]),
+        LightKind::Omni(Omni { position: [x, y, z, _], .. }) => {
+            ("omni", vec![point("position", 0, Vec3::new(x, y, z))])
+        }
         LightKind::Directional(Directional { towards, beam }) => {
             let mut children = vec![vector("direction", towards)];
             if let Some((axis, radius)) = beam {
@@ -132,7 +136,7 @@ fn described_light(node: &scene::Node, span: Span) -> Option<Node> {
 mod tests {
     use super::*;
     use crate::assets::MemoryAssets;
-    use crate::import::load;
+    use crate::import::{Staging, load};
     use canaletto::math::Rgb;
 
     const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl red\nf 1 2 3\n";
@@ -145,7 +149,7 @@ mod tests {
 
     fn set_in(file: &str, obj: &str, set: &[&str]) -> Result<(Scene, Scene), String> {
         let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
-        let (before, _) = load(file, &assets(obj)).unwrap();
+        let (before, _) = load(file, &assets(obj), &Staging::classic()).unwrap();
         match set_in_model(before.clone(), file, &assets(obj), &set) {
             Ok((after, _)) => Ok((before, after)),
             Err(mistakes) => Err(mistakes.to_string()),

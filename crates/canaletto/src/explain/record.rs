@@ -395,9 +395,11 @@ fn light_steps(world: &World, term: &LightTerm) -> LightSteps {
     let d = term.distance;
     let attenuation = if d.is_finite() { 1.0 / light.attenuation_divisor(d) } else { 1.0 };
     let intensity = light.point_intensity();
-    let without_cone = intensity.max_component() * attenuation;
+    let range = if d.is_finite() { light.within_range(d) } else { 1.0 };
+    let without_cone = intensity.max_component() * attenuation * range;
     let cone = if without_cone > 0.0 { term.intensity.max_component() / without_cone } else { 1.0 };
-    LightSteps { intensity, attenuation, coefficients: light.light.attenuation, cone }
+    let range = (light.light.range() > 0.0).then_some(range);
+    LightSteps { intensity, attenuation, coefficients: light.light.attenuation, range, cone }
 }
 
 /// The scene's coordinates of a point of the world. If the world's origin is zero, the coordinates have the digits that
@@ -421,8 +423,13 @@ fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
     let number = |point: &MaterialPoint, normal: glam::DVec3| match read.used.target {
         Target::Replace | Target::Decal => [&point.overlay.0.to_array()[..], &[point.overlay.1]].concat(),
         Target::Parameter(parameter) => parameter.info().get(&point.classic).to_vec(),
-        Target::Metalness => point.standard.iter().map(|standard| standard.metalness).collect(),
+        Target::Standard(target) => {
+            point.standard.iter().flat_map(|standard| target.parameter().get(standard)).collect()
+        }
         Target::Cutout => vec![point.coverage],
+        Target::AnisotropyDirection => {
+            point.standard.iter().map(|standard| standard.specular.anisotropy_rotation).collect()
+        }
         Target::Displace { .. } => Vec::new(),
         Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
     };

@@ -126,6 +126,9 @@ pub struct LightSteps {
     pub attenuation: f32,
     /// The coefficients c, l and q.
     pub coefficients: [f32; 3],
+    /// 1 − (d / range)⁴, the share that the light's range leaves, if it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<f32>,
     /// The share that a spot's cone, a beam or the side of a surface leaves.
     pub cone: f32,
 }

@@ -127,6 +127,11 @@ impl LightSteps {
         let [c, l, q] = self.coefficients;
         let intensity = line!("        l = {intensity of the light}", self.intensity);
         let attenuation = line!(" * attenuation 1/({} + {}*d + {}*d^2) = {attenuation}", c, l, q, self.attenuation);
-        intensity.and(attenuation).and(line!(" * cone {cone factor}", self.cone)).of_ray()
+        let line = intensity.and(attenuation);
+        let line = match self.range {
+            Some(range) => line.and(line!(" * range 1-(d/range)^4 = {range}", range)),
+            None => line,
+        };
+        line.and(line!(" * cone {cone factor}", self.cone)).of_ray()
     }
 }

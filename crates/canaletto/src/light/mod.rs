@@ -69,7 +69,7 @@ pub enum LightKind {
     /// Parallel rays from infinity.
     Directional(Directional),
     /// A point that emits a cone of light.
-    Spot(Spot),
+    Spot(Box<Spot>),
     /// Several points distributed over a disk, for soft shadows.
     Disk(DiskLight),
     /// A rectangle or parallelogram.
@@ -104,7 +104,7 @@ impl Light {
         let kind = match &self.kind {
             LightKind::Omni(light) => LightKind::Omni(light.transformed(t)),
             LightKind::Directional(light) => LightKind::Directional(light.transformed(t)),
-            LightKind::Spot(light) => LightKind::Spot(light.transformed(t)),
+            LightKind::Spot(light) => LightKind::Spot(Box::new(light.transformed(t))),
             LightKind::Disk(light) => LightKind::Disk(light.transformed(t)),
             LightKind::Rectangle(light) => LightKind::Rectangle(Box::new(light.transformed(t))),
             LightKind::Sphere(light) => LightKind::Sphere(light.transformed(t)),
@@ -118,15 +118,27 @@ impl Light {
     pub(crate) fn map_points(&self, mut f: impl FnMut(usize, Vec3) -> Vec3) -> Light {
         let mut light = self.clone();
         match &mut light.kind {
-            LightKind::Omni(Omni { position: [x, y, z, 1.0] }) => [*x, *y, *z] = f(0, Vec3::new(*x, *y, *z)).to_array(),
+            LightKind::Omni(Omni { position: [x, y, z, 1.0], .. }) => {
+                [*x, *y, *z] = f(0, Vec3::new(*x, *y, *z)).to_array()
+            }
             LightKind::Omni(_) | LightKind::Mesh(_) | LightKind::Directional(Directional { beam: None, .. }) => {}
             LightKind::Directional(Directional { beam: Some((axis, _)), .. }) => *axis = f(0, *axis),
-            LightKind::Spot(Spot { position, target, .. }) => (*position, *target) = (f(0, *position), f(1, *target)),
+            LightKind::Spot(spot) => (spot.position, spot.target) = (f(0, spot.position), f(1, spot.target)),
             LightKind::Disk(light) => light.disk.center = f(0, light.disk.center),
             LightKind::Rectangle(light) => light.parallelogram.corner = f(0, light.parallelogram.corner),
             LightKind::Sphere(light) => light.sphere.center = f(0, light.sphere.center),
         }
         light
+    }
+
+    /// The distance at which the light has ended; 0 if it has no end.
+    #[inline]
+    pub fn range(&self) -> f32 {
+        match &self.kind {
+            LightKind::Omni(omni) => omni.range,
+            LightKind::Spot(spot) => spot.range,
+            _ => 0.0,
+        }
     }
 
     /// Whether the light has a surface, of which random points can be sampled.
@@ -182,6 +194,13 @@ impl Light {
                 "attenuation",
                 format!("is {c} {l} {q}; each must be 0 or more, and not all 0"),
             ));
+        }
+        let range = self.range();
+        if !(range.is_finite() && range >= 0.0) {
+            return Err(OutOfRange::new("range", format!("is {range}; it must be more than 0, or 0 for no end")));
+        }
+        if range > 0.0 && matches!(&self.kind, LightKind::Omni(omni) if omni.towards_infinity().is_some()) {
+            return Err(OutOfRange::new("range", format!("is {range}, but light from infinity has no end")));
         }
         if self.samples > Light::MAX_POINTS {
             return Err(OutOfRange::new(

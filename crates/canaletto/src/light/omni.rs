@@ -11,12 +11,21 @@ pub struct Omni {
     /// The homogeneous position (x, y, z, w). With w = 0 the light comes from infinity, from direction (x, y, z)
     /// (exercise 4); else from the point (x, y, z) / w.
     pub position: [f32; 4],
+    /// The distance at which the light has ended: it is multiplied by 1 − (d / range)⁴ (KHR_lights_punctual). 0 for
+    /// light without an end, as that from infinity is.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub range: f32,
+}
+
+/// Whether a light has no end.
+pub(super) fn is_zero(range: &f32) -> bool {
+    *range == 0.0
 }
 
 impl Omni {
     /// The light at this point.
     pub fn at(point: Vec3) -> Omni {
-        Omni { position: point.extend(1.0).to_array() }
+        Omni { position: point.extend(1.0).to_array(), range: 0.0 }
     }
 
     fn homogeneous(&self) -> Vec4 {
@@ -37,9 +46,9 @@ impl Omni {
         let p = self.homogeneous();
         let v = p.truncate().as_dvec3();
         if p.w == 0.0 {
-            Omni { position: t.vector(v).as_vec3().extend(0.0).to_array() }
+            Omni { position: t.vector(v).as_vec3().extend(0.0).to_array(), ..*self }
         } else {
-            Omni::at(t.point(v / f64::from(p.w)).as_vec3())
+            Omni { range: self.range, ..Omni::at(t.point(v / f64::from(p.w)).as_vec3()) }
         }
     }
 

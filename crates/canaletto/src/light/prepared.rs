@@ -106,7 +106,7 @@ impl PreparedLight {
         if !points.is_empty() {
             surface = None;
         }
-        let attenuated = light.attenuation != [1.0, 0.0, 0.0];
+        let attenuated = light.attenuation != [1.0, 0.0, 0.0] || light.range() > 0.0;
         let points = if let [point] = *points { Points::One(point) } else { Points::Some(points.into()) };
         let surface = surface.map(Box::new);
         let profile = light.profile.as_ref().map(|profile| Box::new(profile.prepared()));
@@ -194,12 +194,23 @@ impl PreparedLight {
         attenuation_divisor(self.light.attenuation, distance)
     }
 
+    /// The share of the light that its range leaves at a distance.
+    #[inline]
+    pub(crate) fn within_range(&self, distance: f32) -> f32 {
+        let range = self.light.range();
+        if range == 0.0 {
+            return 1.0;
+        }
+        let far = distance / range;
+        (1.0 - far * far * far * far).max(0.0)
+    }
+
     /// The intensity that arrives from one of the light's points in this direction and at this distance.
     #[inline]
     pub(crate) fn along(&self, direction: DVec3, distance: f32) -> Rgb {
         let mut intensity = self.intensity;
         if self.attenuated {
-            intensity = (intensity / self.attenuation_divisor(distance)).saturated();
+            intensity = (intensity / self.attenuation_divisor(distance) * self.within_range(distance)).saturated();
         }
         if let Some(cone) = &self.cone {
             intensity *= cone.factor(-direction.as_vec3());
@@ -233,12 +244,12 @@ mod tests {
 
     #[test]
     fn a_fourth_number_of_zero_is_infinity() {
-        let sun = source(LightKind::Omni(Omni { position: [0.0, 2.0, 0.0, 0.0] }));
+        let sun = source(LightKind::Omni(Omni { position: [0.0, 2.0, 0.0, 0.0], range: 0.0 }));
         for p in [DVec3::ZERO, DVec3::splat(100.0)] {
             let light = sun.illuminate(0, p);
             assert_eq!((light.direction, light.position), (DVec3::Y, None));
         }
-        let lamp = source(LightKind::Omni(Omni { position: [0.0, 6.0, 0.0, 2.0] }));
+        let lamp = source(LightKind::Omni(Omni { position: [0.0, 6.0, 0.0, 2.0], range: 0.0 }));
         assert_eq!(lamp.illuminate(0, DVec3::ZERO).position, Some(Vec3::new(0.0, 3.0, 0.0)));
     }
 
@@ -253,13 +264,13 @@ mod tests {
     #[test]
     fn a_spot_is_full_inside_dark_outside_and_smooth_between() {
         let falloff = Falloff::Smooth { inner: 20.0, outer: 40.0 };
-        let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
+        let spot = source(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff, range: 0.0 }.into());
         let at = |degrees: f64| spot.illuminate(0, DVec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
         assert_eq!([at(0.0), at(19.9), at(40.1)], [1.0, 1.0, 0.0]);
         let values = [21.0, 25.0, 30.0, 35.0, 39.0].map(at);
         assert!(values.windows(2).all(|w| w[0] > w[1]) && values[0] > 0.95 && values[4] < 0.05, "{values:?}");
         let falloff = Falloff::Exponent { exponent: 3.0, outer: 60.0 };
-        let spot = source(LightKind::Spot(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff }));
+        let spot = source(Spot { position: Vec3::Y, target: Vec3::ZERO, falloff, range: 0.0 }.into());
         let at = |degrees: f64| spot.illuminate(0, DVec3::new(degrees.to_radians().tan(), 0.0, 0.0)).intensity.r;
         assert!((at(45.0) - 0.5f32.powf(1.5)).abs() < 1e-6 && at(61.0) == 0.0);
     }

@@ -1,5 +1,7 @@
 //! The spotlight: an omni light whose influence is limited to a cone (fig. 5.25c).
 
+use super::LightKind;
+use super::omni::is_zero;
 use crate::OutOfRange;
 use crate::math::Transform;
 use glam::Vec3;
@@ -15,6 +17,15 @@ pub struct Spot {
     pub target: Vec3,
     /// The falloff towards the cone's edge.
     pub falloff: Falloff,
+    /// The distance at which the light has ended, as [`super::Omni::range`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub range: f32,
+}
+
+impl From<Spot> for LightKind {
+    fn from(spot: Spot) -> LightKind {
+        LightKind::Spot(Box::new(spot))
+    }
 }
 
 /// The falloff of a spotlight. Angles are in degrees between the axis and a ray of light, in [0, 90].
@@ -24,6 +35,14 @@ pub struct Spot {
 pub enum Falloff {
     /// Full light inside `inner`, none outside `outer`, and between them s² (3 − 2s) with s linear in the cosine.
     Smooth {
+        /// The angle up to which the light is full.
+        inner: f32,
+        /// The angle from which there is no light; ≥ `inner`.
+        outer: f32,
+    },
+    /// Full light inside `inner`, none outside `outer`, and between them s² with s linear in the cosine: the falloff of
+    /// glTF's KHR_lights_punctual.
+    Squared {
         /// The angle up to which the light is full.
         inner: f32,
         /// The angle from which there is no light; ≥ `inner`.
@@ -48,6 +67,7 @@ pub(super) struct Cone {
 #[derive(Clone, Copy, Debug)]
 enum Fall {
     Smooth { full: f32, none: f32 },
+    Squared { full: f32, none: f32 },
     Exponent { exponent: f32, none: f32 },
 }
 
@@ -56,10 +76,14 @@ impl Cone {
     pub(super) fn factor(&self, direction: Vec3) -> f32 {
         let cos = self.axis.dot(direction);
         match self.fall {
-            Fall::Smooth { full, .. } if cos >= full => 1.0,
+            Fall::Smooth { full, .. } | Fall::Squared { full, .. } if cos >= full => 1.0,
             Fall::Smooth { full, none } if cos > none => {
                 let s = (cos - none) / (full - none);
                 s * s * (3.0 - 2.0 * s)
+            }
+            Fall::Squared { full, none } if cos > none => {
+                let s = (cos - none) / (full - none);
+                s * s
             }
             Fall::Exponent { exponent, none } if cos >= none && cos > 0.0 => libm::powf(cos, exponent),
             _ => 0.0,
@@ -71,7 +95,7 @@ impl Spot {
     /// The angle in degrees between the axis and a ray of light from which there is no light.
     pub fn outer(&self) -> f32 {
         match self.falloff {
-            Falloff::Smooth { outer, .. } | Falloff::Exponent { outer, .. } => outer,
+            Falloff::Smooth { outer, .. } | Falloff::Squared { outer, .. } | Falloff::Exponent { outer, .. } => outer,
         }
     }
 }
@@ -85,7 +109,7 @@ impl Cone {
     /// The cosine of the angle from which there is no light.
     pub(super) fn cos_outer(&self) -> f64 {
         match self.fall {
-            Fall::Smooth { none, .. } | Fall::Exponent { none, .. } => none.into(),
+            Fall::Smooth { none, .. } | Fall::Squared { none, .. } | Fall::Exponent { none, .. } => none.into(),
         }
     }
 
@@ -94,6 +118,8 @@ impl Cone {
         TAU * match self.fall {
             // The mean of s² (3 − 2s) over s from 0 to 1 is ½.
             Fall::Smooth { full, none } => 1.0 - 0.5 * (f64::from(full) + f64::from(none)),
+            // The mean of s² is ⅓.
+            Fall::Squared { full, none } => 1.0 - f64::from(full) + (f64::from(full) - f64::from(none)) / 3.0,
             Fall::Exponent { exponent, none } => {
                 let e = f64::from(exponent) + 1.0;
                 (1.0 - libm::pow(f64::from(none).max(0.0), e)) / e
@@ -108,6 +134,7 @@ impl Spot {
         let cos = |degrees: f32| libm::cos(f64::from(degrees).to_radians()) as f32;
         let fall = match self.falloff {
             Falloff::Smooth { inner, outer } => Fall::Smooth { full: cos(inner), none: cos(outer) },
+            Falloff::Squared { inner, outer } => Fall::Squared { full: cos(inner), none: cos(outer) },
             Falloff::Exponent { exponent, outer } => Fall::Exponent { exponent, none: cos(outer) },
         };
         Cone { axis: (self.target - self.position).normalize(), fall }
@@ -115,7 +142,7 @@ impl Spot {
 
     pub(super) fn transformed(&self, t: &Transform) -> Spot {
         let go = |p: Vec3| t.point(p.as_dvec3()).as_vec3();
-        Spot { position: go(self.position), target: go(self.target), falloff: self.falloff }
+        Spot { position: go(self.position), target: go(self.target), ..*self }
     }
 
     pub(super) fn check(&self) -> Result<(), OutOfRange> {
@@ -130,7 +157,7 @@ impl Spot {
             }
         };
         match self.falloff {
-            Falloff::Smooth { inner, outer } => {
+            Falloff::Smooth { inner, outer } | Falloff::Squared { inner, outer } => {
                 angle("inner", inner)?;
                 angle("outer", outer)?;
                 if inner > outer {

@@ -12,13 +12,13 @@ pub fn apply_bump(normal: DVec3, gradient: DVec3) -> DVec3 {
     (normal - gradient.reject_from_normalized(normal)).try_normalize().unwrap_or(normal)
 }
 
-/// The unit normal of a normal map's value (x, y, z) in the frame of `normal` and the tangents ∂P/∂u, ∂P/∂v. The frame
-/// is MikkTSpace's: x is along ∂P/∂u, made perpendicular to the normal. y is perpendicular to both, on the side where v
-/// falls. Where the coordinates don't span the surface, the normal is returned.
+/// The unit normal of a normal map's value (x, y, z) in the frame of `normal`, a tangent and a bitangent. The frame is
+/// MikkTSpace's: x is along the tangent, made perpendicular to the normal. y is perpendicular to both, on the side of
+/// the bitangent. Without a tangent, the normal is returned.
 pub fn apply_normal_map(normal: DVec3, tangents: [DVec3; 2], [x, y, z]: [f64; 3]) -> DVec3 {
     let Some(along) = tangents[0].reject_from_normalized(normal).try_normalize() else { return normal };
     let across = normal.cross(along);
-    let across = if across.dot(tangents[1]) > 0.0 { -across } else { across };
+    let across = if across.dot(tangents[1]) < 0.0 { -across } else { across };
     (along * x + across * y + normal * z).try_normalize().unwrap_or(normal)
 }
 
@@ -53,10 +53,9 @@ mod tests {
 
     #[test]
     fn a_map_that_says_straight_up_changes_nothing() {
-        let tangents = [DVec3::new(2.0, 0.0, 0.3), DVec3::new(0.1, -1.0, 0.0)];
+        let tangents = [DVec3::new(2.0, 0.0, 0.3), DVec3::new(0.1, 1.0, 0.0)];
         assert_eq!(apply_normal_map(DVec3::Z, tangents, [0.0, 0.0, 1.0]), DVec3::Z);
         assert_eq!(apply_normal_map(DVec3::Z, tangents, [1.0, 0.0, 0.0]), DVec3::X);
-        // v falls towards +y in this frame.
         assert_eq!(apply_normal_map(DVec3::Z, tangents, [0.0, 1.0, 0.0]), DVec3::Y);
         assert_eq!(apply_normal_map(DVec3::Z, [DVec3::ZERO; 2], [1.0, 0.0, 0.0]), DVec3::Z);
     }

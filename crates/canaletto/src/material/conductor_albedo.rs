@@ -13,30 +13,41 @@ const POINTS: u32 = 512;
 
 type Table = [[f32; SIDE]; SIDE];
 
-static TABLE: LazyLock<Table> = LazyLock::new(|| {
+static TABLE: LazyLock<Table> = LazyLock::new(|| table(&|_| 1.0));
+
+/// The part of [`TABLE`] that comes from (1 − µ)⁵ of Schlick's curve, with µ the cosine at the facet.
+static GRAZING: LazyLock<Table> = LazyLock::new(|| table(&|cos| fifth(1.0 - cos)));
+
+fn fifth(x: f64) -> f64 {
+    x * x * x * x * x
+}
+
+fn table(weight: &dyn Fn(f64) -> f64) -> Table {
     std::array::from_fn(|row| {
         std::array::from_fn(|column| {
             let [alpha, cos] = [row, column].map(|index| place(index) * place(index));
-            mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS) as f32
+            mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS, weight) as f32
         })
     })
-});
+}
 
 /// The value of a row or column, from nearly 0 to 1.
 fn place(index: usize) -> f64 {
     (index as f64 / (SIDE - 1) as f64).max(1e-3)
 }
 
-/// The mean of G₂ / G₁ over some of the facets that are seen from a direction.
-fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32) -> f64 {
+/// The mean of G₂ / G₁ over some of the facets that are seen from a direction, with a weight of the cosine at the
+/// facet.
+fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32, weight: &dyn Fn(f64) -> f64) -> f64 {
     let wo = DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let mut sum = 0.0;
     for i in 0..points {
         // Both halves of the facets are mirror images. Few facets lean far, so that number has the finer steps.
         let u = [0.5 * (f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(points)];
-        let wi = reflect(wo, ggx.sample_visible(wo, u));
+        let m = ggx.sample_visible(wo, u);
+        let wi = reflect(wo, m);
         if wi.z > 0.0 {
-            sum += ggx.shadowing(wo, wi);
+            sum += ggx.shadowing(wo, wi) * weight(wo.dot(m).clamp(0.0, 1.0));
         }
     }
     sum / f64::from(points)
@@ -44,12 +55,20 @@ fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32) -> f64 {
 
 /// E(cos θ, α): the albedo of one scattering by a metal that reflects all light, interpolated in the table.
 pub(super) fn conductor_albedo(cos: f64, alpha: f64) -> f64 {
+    looked_up(&TABLE, cos, alpha)
+}
+
+/// The albedo of one scattering by facets that reflect (1 − µ)⁵ of the light, with µ the cosine at the facet.
+pub(super) fn grazing_albedo(cos: f64, alpha: f64) -> f64 {
+    looked_up(&GRAZING, cos, alpha)
+}
+
+fn looked_up(table: &Table, cos: f64, alpha: f64) -> f64 {
     let [(row, down), (column, right)] = [alpha, cos].map(|value| {
         let at = value.clamp(0.0, 1.0).sqrt() * (SIDE - 1) as f64;
         let index = (at as usize).min(SIDE - 2);
         (index, at - index as f64)
     });
-    let table: &Table = &TABLE;
     let along = |row: usize| f64::from(table[row][column]) * (1.0 - right) + f64::from(table[row][column + 1]) * right;
     along(row) * (1.0 - down) + along(row + 1) * down
 }
@@ -64,7 +83,7 @@ mod tests {
         for (alpha, cos, expected) in
             [(1.0f64, 1.0, 1.0 - std::f64::consts::LN_2), (0.5, 1.0, 0.687_849), (0.2, 1.0, 0.947_658)]
         {
-            let ours = mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS);
+            let ours = mean_shadowing(cos, &Ggx::isotropic(alpha), POINTS, &|_| 1.0);
             assert!((ours - expected).abs() < 2e-3, "{alpha}: {ours}");
             let looked_up = conductor_albedo(cos, alpha);
             assert!((looked_up - ours).abs() < 5e-3, "{alpha}: {looked_up}");
@@ -78,7 +97,7 @@ mod tests {
             let ggx = Ggx::isotropic(alpha);
             for degrees in [0.0f64, 20.0, 40.0, 60.0, 70.0, 80.0, 85.0, 88.0] {
                 let cos = libm::cos(degrees.to_radians());
-                let (ours, exact) = (conductor_albedo(cos, alpha), mean_shadowing(cos, &ggx, 20_000));
+                let (ours, exact) = (conductor_albedo(cos, alpha), mean_shadowing(cos, &ggx, 20_000, &|_| 1.0));
                 assert!((ours - exact).abs() < 1.5e-3, "{alpha}, {degrees}°: {ours} for {exact}");
             }
         }

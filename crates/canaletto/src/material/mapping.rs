@@ -25,13 +25,16 @@ pub struct Mapping {
     pub transform: Transform,
     /// The number of repetitions of an image along u and v in place of one.
     pub repeat: Repeat,
+    /// The set of a mesh's texture coordinates, for [`Projection::Uv`]. Surfaces without the set take set 0.
+    #[serde(default)]
+    pub uv_set: u32,
 }
 
 impl Mapping {
     /// The default mapping of a texture.
     pub fn usual(kind: &TextureKind) -> Mapping {
         match kind {
-            TextureKind::Constant(_) | TextureKind::Image(_) => Mapping::default(),
+            TextureKind::Constant(_) | TextureKind::Image(_) | TextureKind::VertexColor => Mapping::default(),
             TextureKind::Procedural(procedural) => match procedural.function {
                 // A ramp is a texture of a line, namely of u.
                 Function::Gradient { shape: Gradient::Linear, axis: None, .. } => Mapping::default(),

@@ -48,7 +48,7 @@ pub use prepared::PreparedMaterial;
 pub use refract::{reflect, refract};
 pub use standard::{
     PRESETS, Preset, StandardBase, StandardBlock, StandardBsdf, StandardCoat, StandardEmission, StandardFuzz,
-    StandardParameter, StandardPoint, StandardSpecular, StandardSubsurface, StandardSurface, StandardThinFilm,
+    StandardParameter, StandardSpecular, StandardSubsurface, StandardSurface, StandardTarget, StandardThinFilm,
     StandardTransmission,
 };
 pub use texture_use::{Channel, Target, TextureUse};
@@ -70,6 +70,10 @@ pub struct Material {
     /// is shaded as a whole.
     #[serde(default = "whole")]
     pub coverage: f32,
+    /// The least coverage that counts as all of the surface, 0 to 1; less counts as a hole. It is compared after
+    /// textures and their filters (`alphaCutoff` of glTF). `None` keeps partial coverage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha_cutoff: Option<f32>,
     /// The priority of the body where several clear bodies overlap: the largest number fills the overlap. Among equal
     /// numbers the smallest volume does. Any finite number.
     #[serde(default)]
@@ -96,6 +100,7 @@ impl Default for Material {
             name: String::new(),
             model: MaterialModel::default(),
             coverage: whole(),
+            alpha_cutoff: None,
             priority: 0.0,
             two_sided: false,
             medium: Medium::VACUUM,
@@ -176,7 +181,10 @@ impl Material {
 
     /// Whether the scattering depends on ∂P/∂u.
     pub fn is_anisotropic(&self) -> bool {
-        self.standard().is_some_and(|surface| surface.specular.anisotropy > 0.0 || surface.coat.anisotropy > 0.0)
+        let is_stretched =
+            |surface: &StandardSurface| surface.specular.anisotropy > 0.0 || surface.coat.anisotropy > 0.0;
+        self.standard()
+            .is_some_and(|surface| is_stretched(surface) || self.textures.iter().any(|t| t.target.stretches()))
     }
 
     /// Whether red, green and blue are refracted by different angles.
@@ -210,7 +218,12 @@ impl Material {
 
     /// Whether the coverage may be less than 1.
     pub fn has_holes(&self) -> bool {
-        self.coverage < 1.0 || self.textures.iter().any(|texture| texture.target == Target::Cutout)
+        self.coverage < 1.0 || self.has_cutouts()
+    }
+
+    /// Whether a texture sets the coverage.
+    pub(crate) fn has_cutouts(&self) -> bool {
+        self.textures.iter().any(|texture| texture.target == Target::Cutout)
     }
 
     /// Whether light may go straight on through a surface of the material in air: a thin wall, or a clear body of η 1.
@@ -233,6 +246,9 @@ impl Material {
                 "coverage",
                 format!("is {}; it must be between 0 (nothing is there) and 1 (all of it)", self.coverage),
             ));
+        }
+        if let Some(cutoff) = self.alpha_cutoff.filter(|cutoff| !(0.0..=1.0).contains(cutoff)) {
+            return Err(OutOfRange::new("alpha-cutoff", format!("is {cutoff}; it must be between 0 and 1")));
         }
         if !self.priority.is_finite() {
             return Err(OutOfRange::new("priority", format!("is {}; it must be finite", self.priority)));

@@ -160,12 +160,12 @@ impl ParameterInfo {
         }
     }
 
-    /// Sets the value to a texture's: `color` or `number`, 0 or more and finite, clamped to the range.
+    /// Sets the value to a texture's: `color` or `number`, 0 or more, clamped to the range.
     #[inline]
     pub(super) fn set_textured(&self, phong: &mut Phong, color: impl Fn() -> Rgb, number: impl Fn() -> f32) {
         match self.field {
-            Field::Color(field) => *field(phong) = color(),
-            Field::Number(field, Range::NonNegative, _) => *field(phong) = number(),
+            Field::Color(field) => *field(phong) = color().map(|v| v.min(f32::MAX)),
+            Field::Number(field, Range::NonNegative, _) => *field(phong) = number().min(f32::MAX),
             Field::Number(field, Range::Positive, _) => *field(phong) = number().max(1e-3),
             Field::Number(field, Range::Unit, _) => *field(phong) = number().min(1.0),
         }

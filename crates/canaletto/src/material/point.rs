@@ -1,6 +1,6 @@
 //! A material at a point of a surface.
 
-use super::{Phong, StandardPoint};
+use super::{Phong, StandardSurface};
 use crate::math::Rgb;
 
 /// A material evaluated at a point: the whole material as an integrator sees it.
@@ -9,8 +9,9 @@ pub struct MaterialPoint {
     /// The coefficients of (5.39b), or those that come nearest to another model. η, the opacity, the roughness and the
     /// emission are those of every model.
     pub classic: Phong,
-    /// The numbers of a standard surface that textures drive. Other models have none.
-    pub standard: Option<StandardPoint>,
+    /// The standard surface with the numbers that textures set. Roughness and emission are those of `classic`. Other
+    /// models have none.
+    pub standard: Option<StandardSurface>,
     /// A colour over the shaded one and its share, 0 to 1. With a share of 1 nothing is left to shade.
     pub overlay: (Rgb, f32),
     /// The share of the surface that exists, 0 (a hole) to 1.
@@ -79,6 +80,6 @@ mod tests {
     /// Every hit of every integrator copies a point.
     #[test]
     fn points_are_small() {
-        assert!(size_of::<MaterialPoint>() <= 108, "{}", size_of::<MaterialPoint>());
+        assert!(size_of::<MaterialPoint>() <= 280, "{}", size_of::<MaterialPoint>());
     }
 }

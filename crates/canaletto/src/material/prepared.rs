@@ -1,6 +1,6 @@
 //! Materials of a world.
 
-use super::{Material, MaterialModel, MaterialPoint};
+use super::{Material, MaterialPoint};
 use crate::math::Rgb;
 use crate::shape::Surface;
 use std::ops::Deref;
@@ -12,6 +12,8 @@ pub struct PreparedMaterial {
     plain: MaterialPoint,
     is_opaque: bool,
     may_emit: bool,
+    /// Whether a texture reads the colours of vertices, so that these don't replace the material's.
+    colors_are_read: bool,
     described: Material,
 }
 
@@ -25,16 +27,27 @@ impl Deref for PreparedMaterial {
 }
 
 impl PreparedMaterial {
-    /// Derives what hits need of a material.
-    pub fn new(described: Material) -> PreparedMaterial {
+    /// Derives what hits need of a material. `reads_vertex_colors` tells which textures are vertex colours.
+    pub fn new(mut described: Material, reads_vertex_colors: impl Fn(u32) -> bool) -> PreparedMaterial {
+        // The coverage is constant without textures that change it.
+        if let Some(cutoff) = described.alpha_cutoff.filter(|_| !described.has_cutouts()) {
+            described.coverage = if described.coverage >= cutoff { 1.0 } else { 0.0 };
+        }
         let plain = MaterialPoint {
             classic: described.classic(),
-            standard: described.standard().map(|surface| surface.point()),
+            standard: described.standard().copied(),
             coverage: described.coverage,
             two_sided: described.two_sided,
             ..MaterialPoint::default()
         };
-        PreparedMaterial { plain, is_opaque: described.is_opaque(), may_emit: described.may_emit(), described }
+        let colors_are_read = described.textures.iter().any(|used| reads_vertex_colors(used.texture));
+        PreparedMaterial {
+            plain,
+            is_opaque: described.is_opaque(),
+            may_emit: described.may_emit(),
+            colors_are_read,
+            described,
+        }
     }
 
     /// The values before any texture, on surfaces without a colour of their own.
@@ -53,11 +66,11 @@ impl PreparedMaterial {
     #[inline]
     pub(crate) fn colored(&self, color: Option<Rgb>) -> MaterialPoint {
         let mut point = self.plain;
-        if let Some(color) = color {
+        if let Some(color) = color.filter(|_| !self.colors_are_read) {
             match &mut point.standard {
                 None => point.classic.kd = color,
                 Some(standard) => {
-                    standard.base_color = color;
+                    standard.base.color = color;
                     self.finish(&mut point);
                 }
             }
@@ -68,8 +81,11 @@ impl PreparedMaterial {
     /// Finishes a point whose textures have been applied.
     #[inline]
     pub(crate) fn finish(&self, point: &mut MaterialPoint) {
-        if let (MaterialModel::Standard(surface), Some(standard)) = (&self.described.model, &point.standard) {
-            surface.approximate(standard, &mut point.classic);
+        if let Some(standard) = &point.standard {
+            standard.approximate(&mut point.classic);
+        }
+        if let Some(cutoff) = self.described.alpha_cutoff {
+            point.coverage = if point.coverage >= cutoff { 1.0 } else { 0.0 };
         }
     }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// The scattering of a material of this model.
 pub(super) fn bsdf_of(model: impl Into<MaterialModel>, frame: ScatteringFrame) -> Bsdf {
-    let material = PreparedMaterial::new(Material::new("test", model));
+    let material = PreparedMaterial::new(Material::new("test", model), |_| false);
     material.bsdf(material.plain(), frame)
 }
 

@@ -1,7 +1,7 @@
 //! The use of a texture by a material (5.5): colours that replace or cover the shaded one, any number of the model,
 //! holes, bumps.
 
-use super::{Mapping, MaterialPoint, Parameter};
+use super::{Mapping, MaterialPoint, Parameter, ParameterValue, StandardBlock, StandardTarget};
 use crate::math::Rgb;
 use crate::{Named, OutOfRange, named};
 use serde::{Deserialize, Serialize};
@@ -18,6 +18,10 @@ pub struct TextureUse {
     pub channel: Channel,
     /// The numbers that the texture's values 0 and 1 stand for.
     pub range: [f32; 2],
+    /// Whether the value multiplies what the point has already, instead of replacing it: factor × texture × vertex
+    /// colour. It has no meaning for overlays, heights and normals.
+    #[serde(default)]
+    pub multiply: bool,
     /// The mapping from the surface to texture coordinates.
     pub mapping: Mapping,
 }
@@ -51,11 +55,16 @@ pub enum Target {
         /// Whether y is towards larger v, as in Direct3D.
         down: bool,
     },
-    /// The share of metal of the standard surface.
-    Metalness,
+    /// The direction that highlights of the standard surface are stretched along, in tangent space: red and green from
+    /// 0 to 1 are x and y from −1 to 1. It is turned by the surface's own rotation. `range` isn't used.
+    #[serde(rename = "anisotropy-direction")]
+    AnisotropyDirection,
     /// A parameter of the material's model.
     #[serde(untagged)]
     Parameter(Parameter),
+    /// A parameter of the standard surface.
+    #[serde(untagged)]
+    Standard(StandardTarget),
 }
 
 /// The channel of a texture.
@@ -98,19 +107,25 @@ impl Channel {
 }
 
 /// The targets: colours over the shaded one, the parameters of the model, then what changes the surface itself.
-const TARGETS: [Target; Parameter::COUNT + 7] = {
-    let mut all = [Target::Replace; Parameter::COUNT + 7];
+const TARGETS: [Target; Parameter::COUNT + StandardTarget::COUNT + 7] = {
+    let mut all = [Target::Replace; Parameter::COUNT + StandardTarget::COUNT + 7];
     all[1] = Target::Decal;
     let mut i = 0;
     while i < Parameter::COUNT {
         all[2 + i] = Target::Parameter(Parameter::ALL[i].parameter);
         i += 1;
     }
-    all[2 + i] = Target::Metalness;
-    all[3 + i] = Target::Cutout;
-    all[4 + i] = Target::Bump;
-    all[5 + i] = Target::Displace { detail: Target::DEFAULT_DETAIL };
-    all[6 + i] = Target::Normal { strength: 1.0, down: false };
+    let mut k = 0;
+    while k < StandardTarget::COUNT {
+        all[2 + i + k] = Target::Standard(StandardTarget::ALL[k]);
+        k += 1;
+    }
+    all[2 + i + k] = Target::AnisotropyDirection;
+    let i = 3 + i + k;
+    all[i] = Target::Cutout;
+    all[i + 1] = Target::Bump;
+    all[i + 2] = Target::Displace { detail: Target::DEFAULT_DETAIL };
+    all[i + 3] = Target::Normal { strength: 1.0, down: false };
     all
 };
 
@@ -151,7 +166,8 @@ impl Target {
             Target::Parameter(parameter) => parameter.info().target,
             Target::Replace => "replace",
             Target::Decal => "decal",
-            Target::Metalness => "metalness",
+            Target::AnisotropyDirection => "anisotropy-direction",
+            Target::Standard(target) => target.word(),
             Target::Cutout => "cutout",
             Target::Bump => "bump",
             Target::Displace { .. } => "displace",
@@ -165,9 +181,12 @@ impl Target {
         match self {
             Target::Replace | Target::Decal => true,
             Target::Parameter(parameter) => parameter.info().is_color(),
-            Target::Metalness | Target::Cutout | Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {
-                false
-            }
+            Target::Standard(target) => target.parameter().is_color(),
+            Target::AnisotropyDirection
+            | Target::Cutout
+            | Target::Bump
+            | Target::Displace { .. }
+            | Target::Normal { .. } => false,
         }
     }
 
@@ -179,6 +198,22 @@ impl Target {
     /// Whether the target may let light through.
     pub fn may_transmit(&self) -> bool {
         matches!(self, Target::Parameter(Parameter::Opacity) | Target::Cutout)
+            || self.is_in_block(StandardBlock::Transmission)
+    }
+
+    /// Whether the target stretches highlights.
+    pub(crate) fn stretches(&self) -> bool {
+        matches!(self, Target::Standard(target) if target.parameter().name == "anisotropy")
+    }
+
+    /// Whether the target is a parameter of this block of the standard surface.
+    fn is_in_block(&self, block: StandardBlock) -> bool {
+        matches!(self, Target::Standard(target) if target.parameter().block == block)
+    }
+
+    /// Whether overlays, heights and normals, whose values multiply nothing, aren't the target.
+    pub fn takes_products(&self) -> bool {
+        matches!(self, Target::Parameter(_) | Target::Standard(_) | Target::Cutout)
     }
 }
 
@@ -186,7 +221,7 @@ impl TextureUse {
     /// The texture on the surface's own coordinates, with its values unchanged.
     pub fn new(texture: u32, target: Target) -> TextureUse {
         let channel = if target == Target::Cutout { Channel::Alpha } else { Channel::default() };
-        TextureUse { texture, target, channel, range: [0.0, 1.0], mapping: Mapping::default() }
+        TextureUse { texture, target, channel, range: [0.0, 1.0], multiply: false, mapping: Mapping::default() }
     }
 
     /// Checks every number's range.
@@ -239,16 +274,37 @@ impl TextureUse {
                     point.overlay = ((color() * share + under.0 * (1.0 - share)).saturated(), both);
                 }
             }
-            Target::Parameter(parameter) => match (&mut point.standard, parameter) {
-                (Some(standard), Parameter::Diffuse) => standard.base_color = color().map(|share| share.min(1.0)),
-                _ => parameter.info().set_textured(&mut point.classic, color, number),
-            },
-            Target::Metalness => {
-                if let Some(standard) = &mut point.standard {
-                    standard.metalness = number().min(1.0);
+            Target::Parameter(parameter) => {
+                let old = |old: Rgb| if self.multiply { old } else { Rgb::WHITE };
+                match (&mut point.standard, parameter) {
+                    (Some(standard), Parameter::Diffuse) => {
+                        standard.base.color = (old(standard.base.color) * color()).map(|share| share.min(1.0));
+                    }
+                    _ => {
+                        let old = match parameter.info().get(&point.classic) {
+                            ParameterValue::Color(color) => old(color),
+                            ParameterValue::Number(number) => old(Rgb::gray(number)),
+                        };
+                        let (color, number) = (|| old * color(), || old.r * number());
+                        parameter.info().set_textured(&mut point.classic, color, number);
+                    }
                 }
             }
-            Target::Cutout => point.coverage = number().min(1.0),
+            Target::Standard(target) => {
+                if let Some(standard) = &mut point.standard {
+                    target.set_textured(standard, self.multiply, color, number);
+                }
+            }
+            Target::AnisotropyDirection => {
+                let [x, y] = [value[0], value[1]].map(|v| 2.0 * f64::from(v) - 1.0);
+                if let Some(standard) = point.standard.as_mut().filter(|_| (x, y) != (0.0, 0.0)) {
+                    standard.specular.anisotropy_rotation += libm::atan2(y, x).to_degrees() as f32;
+                }
+            }
+            Target::Cutout => {
+                let old = if self.multiply { point.coverage } else { 1.0 };
+                point.coverage = (old * number()).min(1.0);
+            }
             Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {}
         }
     }

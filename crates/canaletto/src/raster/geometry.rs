@@ -5,7 +5,6 @@ use super::coverage::{ScreenTriangle, Sites, Source};
 use super::facets::{Facets, Tolerance, corners};
 use super::projection::{Projection, depth_plane};
 use super::triangle_setup::{Setup, SetupTarget, TOGETHER, TriangleSetup, is_in_guard_band};
-use crate::material::{Material, Target};
 use crate::shape::Mesh;
 use crate::world::{Hit, Primitives, World};
 use canaletto_bvh::Aabb;
@@ -177,7 +176,7 @@ pub(crate) struct GeometryStage<'a> {
     pub(crate) compares_curves: bool,
     /// Whether shapes without bounds are drawn.
     pub(crate) with_unbounded: bool,
-    /// For each material, whether it is drawn and whether it [has holes](has_holes).
+    /// For each material, whether it is drawn and whether it [has holes](Material::has_holes).
     pub(crate) traits: Vec<[bool; 2]>,
     /// The memory of the tessellations that are kept: 0 at first.
     pub(crate) kept_bytes: AtomicUsize,
@@ -436,9 +435,4 @@ impl BinnedTriangles {
     pub(crate) fn len(&self) -> u64 {
         self.batches.iter().map(|batch| batch.len() as u64).sum()
     }
-}
-
-/// Whether parts of a surface of this material may be missing.
-pub(crate) fn has_holes(material: &Material) -> bool {
-    material.coverage < 1.0 || material.textures.iter().any(|texture| texture.target == Target::Cutout)
 }

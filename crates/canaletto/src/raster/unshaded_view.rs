@@ -2,7 +2,7 @@
 
 use super::coverage::{ScreenTriangle, Sites, Source, VisibilityBuffer};
 use super::facets::Tolerance;
-use super::geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
+use super::geometry::{BinnedTriangles, GeometryStage, Screen};
 use super::projection::Projection;
 use super::visible_triangle::{FacetCache, VisibleTriangle};
 use crate::material::PreparedMaterial;
@@ -80,7 +80,7 @@ impl<'w> UnshadedView<'w> {
             sites: &sites,
             compares_curves: self.compares_curves,
             with_unbounded: self.with_unbounded,
-            traits: world.materials().iter().map(|m| [(self.is_drawn)(m), has_holes(m)]).collect(),
+            traits: world.materials().iter().map(|m| [(self.is_drawn)(m), m.has_holes()]).collect(),
             kept_bytes: AtomicUsize::new(0),
         };
         let binned = stage.run(cancelled)?;

@@ -140,7 +140,7 @@ impl Offsets {
         match &mut texture.kind {
             TextureKind::Image(texture) => shift(&mut texture.image, self.images),
             TextureKind::Grid(texture) => shift(&mut texture.image, self.images),
-            TextureKind::Constant(_) | TextureKind::Procedural(_) => {}
+            TextureKind::Constant(_) | TextureKind::Procedural(_) | TextureKind::VertexColor => {}
         }
     }
 
@@ -189,6 +189,7 @@ mod tests {
             target: Target::Parameter(Parameter::Diffuse),
             channel: Channel::Red,
             range: [0.0, 1.0],
+            multiply: false,
             mapping: Mapping::default(),
         };
         Material { textures: textures.iter().map(on).collect(), ..Material::new(name, Phong::default()) }

@@ -385,6 +385,7 @@ impl BaseMesh {
             triangles: self.triangles,
             materials: self.materials,
             one_sided: self.one_sided,
+            ..Mesh::default()
         })
     }
 }

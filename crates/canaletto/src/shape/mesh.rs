@@ -10,7 +10,7 @@ use crate::math::{DRay, Rgb};
 use canaletto_bvh::triangle::{self as kernel, Triangle};
 use canaletto_bvh::{Aabb, PreparedRay};
 use canaletto_parallel::prelude::*;
-use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 /// A triangle mesh as an importer returns it. Counter-clockwise corners face outwards (5.23).
@@ -27,8 +27,20 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates for each position, or none.
     pub uvs: Vec<Vec2>,
-    /// A colour for each position that replaces kd, or none.
+    /// The sets of texture coordinates after [`Mesh::uvs`], which is set 0. Each set has coordinates for each position.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub more_uvs: Vec<Vec<Vec2>>,
+    /// A tangent for each position, or none: the frame of normal maps. x, y and z point along growing u and have any
+    /// length but zero. w is 1 or −1: the bitangent is w N × T, and normal maps are upright along it (glTF 2.0,
+    /// 3.7.2.1).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tangents: Vec<Vec4>,
+    /// A colour for each position, or none. It replaces the colour of the material, unless a texture of the material
+    /// reads it ([`crate::texture::TextureKind::VertexColor`]).
     pub colors: Vec<Rgb>,
+    /// The alpha of each position's colour, or none: all are 1. Only textures read it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alphas: Vec<f32>,
     /// The indices of three positions for each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// The slot in `materials` for each triangle, or none: all triangles use slot 0.
@@ -88,6 +100,54 @@ impl Mesh {
         self.dressed(i, self.triangle(i).surface(u, v), triangle::weights(u.into(), v.into()))
     }
 
+    /// The weights of triangle `i`'s corners at a hit of this line's ray.
+    pub(crate) fn weights_at(&self, i: usize, line: &DRay, hit: &ShapeHit) -> [f64; 3] {
+        let corners = self.triangle(i);
+        match corners.is_large(line, hit.t) {
+            true => corners.on_line(line).1,
+            false => triangle::weights(hit.uv[0].into(), hit.uv[1].into()),
+        }
+    }
+
+    /// The colour and alpha of the vertices of triangle `i`, where its corners have these weights. White without
+    /// colours.
+    pub(crate) fn vertex_color(&self, i: usize, weights: [f64; 3]) -> [f32; 4] {
+        let indices = self.triangles[i].map(|v| v as usize);
+        let [wa, wb, wc] = weights.map(|w| w as f32);
+        let mean = |list: &[Rgb]| {
+            let [a, b, c] = indices.map(|v| list[v]);
+            a * wa + b * wb + c * wc
+        };
+        let color = if self.colors.is_empty() { Rgb::WHITE } else { mean(&self.colors) };
+        let alpha = match self.alphas.is_empty() {
+            true => 1.0,
+            false => indices.into_iter().zip([wa, wb, wc]).map(|(v, w)| self.alphas[v] * w).sum(),
+        };
+        [color.r, color.g, color.b, alpha]
+    }
+
+    /// The texture coordinates of a set after the first on triangle `i`, where its corners have these weights, and
+    /// their gradients. None if the mesh lacks the set.
+    pub(crate) fn uv_in_set(&self, set: u32, i: usize, weights: [f64; 3]) -> Option<(DVec2, [DVec3; 2])> {
+        let uvs = self.more_uvs.get((set as usize).checked_sub(1)?)?;
+        let corners = self.triangles[i].map(|v| uvs[v as usize].as_dvec2());
+        let uv = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        Some((uv, uv_gradients(corners, triangle::gradients(self.corners(i)))))
+    }
+
+    /// The tangent and the bitangent of triangle `i` for this unit shading normal, where its corners have these
+    /// weights. None if the mesh has no tangents.
+    pub(crate) fn tangent_frame(&self, i: usize, weights: [f64; 3], normal: DVec3) -> Option<[DVec3; 2]> {
+        if self.tangents.is_empty() {
+            return None;
+        }
+        let corners = self.triangles[i].map(|v| self.tangents[v as usize].as_dvec4());
+        let mean = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let tangent = mean.truncate().reject_from_normalized(normal).try_normalize()?;
+        let side = if mean.w < 0.0 { -1.0 } else { 1.0 };
+        Some([tangent, normal.cross(tangent) * side])
+    }
+
     /// The surface of triangle `i` at a hit of this line's ray.
     pub fn surface_at(&self, i: usize, line: &DRay, hit: &ShapeHit) -> Surface {
         let corners = self.triangle(i);
@@ -125,12 +185,7 @@ impl Mesh {
         let indices = self.triangles[i].map(|v| v as usize);
         let mut surface_differential = SurfaceDifferential::flat(gradients[1], gradients[2]);
         if !self.uvs.is_empty() {
-            surface_differential.gradients = [DVec3::ZERO; 2];
-            for (corner, gradient) in indices.into_iter().zip(gradients) {
-                let uv = self.uvs[corner].as_dvec2();
-                surface_differential.gradients[0] += gradient * uv.x;
-                surface_differential.gradients[1] += gradient * uv.y;
-            }
+            surface_differential.gradients = uv_gradients(indices.map(|v| self.uvs[v].as_dvec2()), gradients);
         }
         if !self.normals.is_empty() {
             let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z);
@@ -184,8 +239,16 @@ impl Mesh {
     /// A sentence that names the triangle or vertex (counted from 0), its value and what was expected.
     pub fn check(&self) -> Result<(), OutOfRange> {
         let vertices = self.positions.len();
-        let lists = [("normals", self.normals.len()), ("uvs", self.uvs.len()), ("colours", self.colors.len())];
-        if let Some((name, len)) = lists.into_iter().find(|(_, len)| *len != 0 && *len != vertices) {
+        let lists = [
+            ("normals", self.normals.len()),
+            ("uvs", self.uvs.len()),
+            ("tangents", self.tangents.len()),
+            ("colours", self.colors.len()),
+            ("alphas", self.alphas.len()),
+        ];
+        let sets = self.more_uvs.iter().map(|uvs| ("uvs of a set", uvs.len())).filter(|(_, len)| *len != vertices);
+        if let Some((name, len)) = lists.into_iter().filter(|(_, len)| *len != 0 && *len != vertices).chain(sets).next()
+        {
             return Err(OutOfRange::whole(format!(
                 "there are {len} {name} for {vertices} vertices; there must be none or one for each"
             )));
@@ -224,11 +287,23 @@ impl Mesh {
         if let Some(wrong) = self.normals.par_iter().enumerate().find_map_first(wrong) {
             return Err(wrong);
         }
-        if let Some((i, uv)) = self.uvs.par_iter().enumerate().find_first(|(_, uv)| !uv.is_finite()) {
+        for uvs in std::iter::once(&self.uvs).chain(&self.more_uvs) {
+            if let Some((i, uv)) = uvs.par_iter().enumerate().find_first(|(_, uv)| !uv.is_finite()) {
+                return Err(OutOfRange::whole(format!(
+                    "uv of vertex {i} is {} {}; each component must be finite",
+                    uv.x, uv.y
+                )));
+            }
+        }
+        let is_wrong = |(_, t): &(usize, &Vec4)| !(t.is_finite() && t.w.abs() == 1.0);
+        if let Some((i, t)) = self.tangents.par_iter().enumerate().find_first(is_wrong) {
             return Err(OutOfRange::whole(format!(
-                "uv of vertex {i} is {} {}; each component must be finite",
-                uv.x, uv.y
+                "the tangent of vertex {i} is {} {} {} {}; each component must be finite, and the last 1 or -1",
+                t.x, t.y, t.z, t.w
             )));
+        }
+        if let Some((i, alpha)) = self.alphas.par_iter().enumerate().find_first(|(_, alpha)| !alpha.is_finite()) {
+            return Err(OutOfRange::whole(format!("the alpha of vertex {i} is {alpha}; it must be finite")));
         }
         if let Some((i, c)) = self.colors.par_iter().enumerate().find_first(|(_, c)| !c.is_finite()) {
             let Rgb { r, g, b } = c;
@@ -238,6 +313,16 @@ impl Mesh {
         }
         Ok(())
     }
+}
+
+/// The gradients of texture coordinates, from those of the corners and the gradients of the corners' weights.
+fn uv_gradients(uvs: [DVec2; 3], gradients: [DVec3; 3]) -> [DVec3; 2] {
+    let mut sums = [DVec3::ZERO; 2];
+    for (uv, gradient) in uvs.into_iter().zip(gradients) {
+        sums[0] += gradient * uv.x;
+        sums[1] += gradient * uv.y;
+    }
+    sums
 }
 
 /// A triangle of a mesh.

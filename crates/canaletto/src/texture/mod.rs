@@ -61,6 +61,8 @@ pub enum TextureKind {
     Grid(GridTexture),
     /// A function that is computed.
     Procedural(Procedural),
+    /// The colours and alphas of a mesh's vertices, interpolated; white on other surfaces.
+    VertexColor,
 }
 
 /// An image as a texture: u goes from its left (0) to its right (1), v from its top row (0) to its bottom row (1).

@@ -55,6 +55,7 @@ enum Kind {
     Image(ImageMap),
     Grid(GridMap),
     Computed(Box<Computed>),
+    VertexColor,
 }
 
 impl PreparedTexture {
@@ -66,7 +67,14 @@ impl PreparedTexture {
             Kind::Image(map) => map.eval(lookup),
             Kind::Grid(map) => map.eval(lookup),
             Kind::Computed(computed) => computed.eval(lookup),
+            Kind::VertexColor => [1.0; 4],
         }
+    }
+
+    /// Whether the texture's values are those of the surface's vertices. A lookup doesn't tell them.
+    #[inline]
+    pub fn is_vertex_color(&self) -> bool {
+        matches!(self.kind, Kind::VertexColor)
     }
 
     /// [`PreparedTexture::eval`] for a target that is a colour. Raw numbers ([`ColorSpace::Raw`]) fade to 0 where their
@@ -84,7 +92,7 @@ impl PreparedTexture {
         match &self.kind {
             Kind::Image(map) => Some(map.spacing()),
             Kind::Grid(map) => Some(map.spacing()),
-            Kind::Constant(_) | Kind::Computed(_) => None,
+            Kind::Constant(_) | Kind::Computed(_) | Kind::VertexColor => None,
         }
     }
 
@@ -176,6 +184,7 @@ impl Store {
                 Kind::Computed(Box::new(Computed::new(function)))
             }
             TextureKind::Grid(grid) => Kind::Grid(self.grid(texture, grid)?),
+            TextureKind::VertexColor => Kind::VertexColor,
             TextureKind::Image(image) => Kind::Image(ImageMap::new(self.pyramid(texture, image)?, image)),
         };
         Ok(PreparedTexture { kind })

@@ -63,6 +63,8 @@ use trace::emitting::VisibleLight;
 pub struct World {
     /// The colour of rays without a hit, if there is no environment.
     pub background: Rgb,
+    /// The colour that camera rays see straight on instead of the environment, if it isn't visible.
+    pub(crate) backdrop: Option<Rgb>,
     /// The surroundings of the scene; they replace the background.
     pub environment: Option<PreparedEnvironment>,
     /// Iₐ of (5.33).

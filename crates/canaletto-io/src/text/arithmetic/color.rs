@@ -2,10 +2,16 @@
 
 use super::color_names::COLOR_NAMES;
 use crate::diagnostic::closest_word;
+use canaletto::math::Rgb;
 use canaletto::texture::srgb_decode;
 
 /// The word before a colour on the sRGB curve.
 pub(crate) const SRGB: &str = "srgb";
+
+/// The linear colour that a word stands for: `#rrggbb`, `#rgb`, or a name of CSS. `None` for any other word.
+pub fn color(word: &str) -> Option<Rgb> {
+    color_of(word).map(|color| Rgb::from(color.map(|v| v as f32)))
+}
 
 /// The linear colour that a text stands for: `#rrggbb`, `#rgb`, or a name of CSS. `None` for any other text.
 pub(crate) fn color_of(text: &str) -> Option<[f64; 3]> {

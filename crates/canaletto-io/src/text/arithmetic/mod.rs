@@ -13,6 +13,7 @@ mod repeat;
 mod tests;
 
 pub(crate) use color::closest_color;
+pub use color::color;
 pub(crate) use expression::{CONSTANTS, FUNCTIONS};
 pub(crate) use media::{DIELECTRIC, MEDIA, closest_medium, takes_media};
 pub(crate) use repeat::{Copies, DEFAULT_INDEX, MAX_COPIES, MAX_KEPT_COPIES, REPEAT, Repeat};

@@ -44,8 +44,14 @@ const INTENSITY: Field<Rgb> = Field::new("intensity", "multiplies all that is se
 const AMBIENT: Field<bool> =
     Field::new("ambient", "whether its mean over all directions is added to the scene's ambient light")
         .or(|| flag(false));
+const VISIBLE: Field<bool> = Field::new(
+    "visible",
+    "#false shows the background's colour where the camera would see the environment straight on; it lights and is \
+     mirrored all the same",
+)
+.or(|| flag(true));
 /// The fields of all environments.
-const ALL: &[FieldSchema] = &[INTENSITY.schema, AMBIENT.schema];
+const ALL: &[FieldSchema] = &[INTENSITY.schema, AMBIENT.schema, VISIBLE.schema];
 
 const FILTER: Field<Smoothing> = Field::word(
     "filter",
@@ -221,6 +227,7 @@ impl Decoder<'_> {
             rotation,
             intensity: fields.get(&INTENSITY).unwrap_or(Rgb::WHITE),
             ambient: fields.get(&AMBIENT).unwrap_or(false),
+            visible: fields.get(&VISIBLE).unwrap_or(true),
             ..Environment::new(decoded?)
         };
         if !fields.valid {

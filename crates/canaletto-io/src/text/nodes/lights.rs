@@ -3,6 +3,7 @@
 use super::kind_of;
 use super::mesh::FILE;
 use crate::import;
+use crate::import::counted;
 use crate::text::decode::Decoder;
 use crate::text::reader::Fields;
 use crate::text::report::Message;
@@ -13,9 +14,9 @@ use canaletto::light::{
     SphereLight, Spot,
 };
 use canaletto::math::{BLACK_BODY_TEMPERATURES, Rgb, Transform, black_body};
-use canaletto::scene::{self, Content};
+use canaletto::scene::{self, Content, Scene};
 use canaletto::shape::{Disk, Parallelogram, Sphere};
-use canaletto::{Named, OutOfRange};
+use canaletto::{Named, OutOfRange, named};
 use glam::Vec3;
 
 /// The word of lights.
@@ -119,12 +120,15 @@ const IES_FRONT: Field<Vec3> =
 static OMNI: LightNode = light_node(
     &["omni"],
     "Light from a point in all directions.",
-    &[&[OMNI_POSITION.schema, ATTENUATION.schema, IES.schema, IES_AXIS.schema, IES_FRONT.schema], LIGHT_FIELDS],
+    &[
+        &[OMNI_POSITION.schema, ATTENUATION.schema, RANGE.schema, IES.schema, IES_AXIS.schema, IES_FRONT.schema],
+        LIGHT_FIELDS,
+    ],
     "light \"omni\" { position 40 120 0; intensity 0.8 }",
     |_, f| {
         let point = || f.numbers(&OMNI_POSITION).map(|p| Vec3::from_array(p.map(|v| v as f32)));
         Some(LightKind::Omni(match f.numbers::<4>(&OMNI_POSITION) {
-            Some(p) => Omni { position: p.map(|v| v as f32) },
+            Some(p) => Omni { position: p.map(|v| v as f32), range: 0.0 },
             None => Omni::at(point()?),
         }))
     },
@@ -148,6 +152,30 @@ const OUTER: Field<f32> = Field::new("outer", "no light from this angle to the a
 const INNER: Field<f32> = Field::new("inner", "full light up to this angle").or(|| DEFAULT_INNER.to_string());
 const EXPONENT: Field<f32> = Field::new("exponent", "the power of the cosine, instead of inner");
 
+/// The falloff between the two angles of a spotlight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum ConeEdge {
+    /// s² (3 − 2s).
+    #[default]
+    Smooth,
+    /// s².
+    Squared,
+}
+
+named!(ConeEdge {
+    Smooth => "smooth",
+    Squared => "squared",
+});
+
+const EDGE: Field<ConeEdge> = Field::word(
+    "edge",
+    "how the light falls off from `inner` to `outer`: by s² (3 - 2s), or by s² as in glTF, with s linear in the cosine",
+)
+.or(|| quoted(ConeEdge::default().name()));
+const RANGE: Field<f32> =
+    Field::new("range", "the distance at which the light has ended: it is multiplied by 1 - (d / range)⁴")
+        .or(|| "no end".into());
+
 /// Two ways in which a spotlight falls off.
 pub(super) const INNER_OR_EXPONENT: [&str; 2] = [INNER.name(), EXPONENT.name()];
 
@@ -155,17 +183,23 @@ static SPOT: LightNode = light_node(
     &["spot"],
     "A cone of light. It ends smoothly between two angles, or falls off with a power of the cosine.",
     &[
-        &[SPOT_POSITION.schema, SPOT_TARGET.schema, OUTER.schema, INNER.schema, EXPONENT.schema, ATTENUATION.schema],
+        &[
+            SPOT_POSITION.schema,
+            SPOT_TARGET.schema,
+            OUTER.schema,
+            INNER.schema,
+            EXPONENT.schema,
+            EDGE.schema,
+            ATTENUATION.schema,
+            RANGE.schema,
+        ],
         &[IES.schema, IES_FRONT.schema],
         LIGHT_FIELDS,
     ],
     "light \"spot\" { position 0 50 0; target 0 0 0; inner 20; outer 30 }",
     |decoder, f| {
-        Some(LightKind::Spot(Spot {
-            position: f.get(&SPOT_POSITION)?,
-            target: f.get(&SPOT_TARGET)?,
-            falloff: decoder.falloff(f)?,
-        }))
+        let (position, target) = (f.get(&SPOT_POSITION)?, f.get(&SPOT_TARGET)?);
+        Some(Spot { position, target, falloff: decoder.falloff(f)?, range: 0.0 }.into())
     },
 );
 
@@ -224,18 +258,38 @@ static MESH_LIGHT: LightNode = light_node(
     &[&[FILE.schema], SURFACE, LIGHT_FIELDS],
     "light \"mesh\" file=\"bunny.obj\" { scale 0.1; translate 0 5 0; samples 4; intensity 0.8 }",
     |decoder, f| {
-        let meshes = match &decoder.mesh(f, None, false, None)? {
+        let meshes = match &decoder.mesh(f, None, None, None)? {
             Content::Mesh(index) => vec![*index],
             Content::Group(parts) => {
-                let index =
-                    |part: &scene::Node| if let Content::Mesh(index) = part.content { Some(index) } else { None };
-                parts.iter().filter_map(index).collect()
+                let mut meshes = Vec::new();
+                parts.iter().for_each(|part| light_meshes(&mut decoder.scene, part, &Transform::IDENTITY, &mut meshes));
+                meshes
             }
             _ => Vec::new(),
         };
         Some(LightKind::Mesh(Box::new(MeshLight { meshes, transform: Transform::IDENTITY, points: points(f) })))
     },
 );
+
+/// Finds the meshes of a part of a model. A mesh that its node moves becomes another one at that place.
+fn light_meshes(scene: &mut Scene, part: &scene::Node, around: &Transform, found: &mut Vec<u32>) {
+    let place = around.after(&part.transform);
+    match &part.content {
+        Content::Group(children) => children.iter().for_each(|child| light_meshes(scene, child, &place, found)),
+        Content::Mesh(index) if place.is_identity() => found.push(*index),
+        Content::Mesh(index) => {
+            let Some(mut mesh) = scene.meshes.get(*index as usize).cloned() else { return };
+            let exact = mesh.positions.iter().map(|p| place.point(p.as_dvec3() + mesh.origin));
+            (mesh.origin, mesh.positions) = counted(exact);
+            if place.matrix().matrix3.determinant() < 0.0 {
+                mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+            }
+            scene.meshes.push(mesh);
+            found.push(scene.meshes.len() as u32 - 1);
+        }
+        _ => {}
+    }
+}
 
 impl Decoder<'_> {
     /// Decodes a light with its transform.
@@ -254,6 +308,13 @@ impl Decoder<'_> {
         // Not all kinds have a surface or a distance.
         if schema.word(SAMPLES.name()).is_some() {
             self.light_of_surface(&fields, &mut light);
+        }
+        if let Some(range) = fields.get(&RANGE).filter(|_| schema.word(RANGE.name()).is_some()) {
+            match &mut light.kind {
+                LightKind::Omni(omni) => omni.range = range,
+                LightKind::Spot(spot) => spot.range = range,
+                _ => {}
+            }
         }
         if schema.word(ATTENUATION.name()).is_some() {
             light.attenuation = fields.get(&ATTENUATION).map_or(light.attenuation, |v| v.to_array());
@@ -352,10 +413,17 @@ impl Decoder<'_> {
                 .push(message.help("inner and outer make a smooth edge; exponent falls off from the axis on"));
             self.valid = false;
         }
+        if f.has(&EXPONENT) && f.has(&EDGE) {
+            let message = "edge has no meaning beside exponent, by which the light falls off from the axis on";
+            self.validator.report.error(f.span(&EDGE), message);
+            self.valid = false;
+        }
         self.doubt_degrees(f, &OUTER);
-        Some(match f.get(&EXPONENT) {
-            Some(exponent) => Falloff::Exponent { exponent, outer },
-            None => Falloff::Smooth { inner: f.get(&INNER).unwrap_or(DEFAULT_INNER), outer },
+        let inner = f.get(&INNER).unwrap_or(DEFAULT_INNER);
+        Some(match (f.get(&EXPONENT), f.word(&EDGE).unwrap_or_default()) {
+            (Some(exponent), _) => Falloff::Exponent { exponent, outer },
+            (None, ConeEdge::Smooth) => Falloff::Smooth { inner, outer },
+            (None, ConeEdge::Squared) => Falloff::Squared { inner, outer },
         })
     }
 }

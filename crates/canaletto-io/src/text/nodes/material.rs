@@ -9,12 +9,12 @@ use crate::text::reader::Fields;
 use crate::text::report::Message;
 use crate::text::schema::{Block, Field, FieldSchema, NodeSchema, Text, rgb};
 use crate::text::syntax::{self, Node, Span};
-use canaletto::OutOfRange;
 use canaletto::material::{
     Conductor, Dielectric, METALS, Material, MaterialModel, Medium, Parameter, ParameterInfo, ParameterValue, Phong,
     Target,
 };
 use canaletto::math::Rgb;
+use canaletto::{Named, OutOfRange};
 use std::collections::HashMap;
 
 const NAME: Field<Text> = Field::text("name", "the name that objects refer to").needed();
@@ -63,6 +63,10 @@ pub(super) const COVERAGE: Field<f32> = Field::new(
     "the share of the surface that is there, 0 to 1, as alpha has it: the rest shades nothing and bends nothing",
 )
 .or(|| Material::default().coverage.to_string());
+const ALPHA_CUTOFF: Field<f32> = Field::new(
+    "alpha-cutoff",
+    "the least coverage that counts as all of the surface, 0 to 1; less is a hole, as glTF's mode MASK has it",
+);
 const PRIORITY: Field<f32> = Field::new(
     "priority",
     "which of several clear bodies fills the place where they overlap: the largest number, then the smallest volume",
@@ -164,6 +168,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             TEMPERATURE.schema,
             TWO_SIDED.schema,
             COVERAGE.schema,
+            ALPHA_CUTOFF.schema,
             PRIORITY.schema,
             TEXTURE.schema,
         ],
@@ -319,6 +324,7 @@ impl<'a> Decoder<'a> {
             self.out_of_range(fields, &OutOfRange::new(name, problem));
         }
         change(&mut material.coverage, fields.get(&COVERAGE));
+        material.alpha_cutoff = fields.get(&ALPHA_CUTOFF).or(material.alpha_cutoff);
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));
         let checked = material.check();
@@ -399,12 +405,15 @@ impl<'a> Decoder<'a> {
         let emission = material.classic().emission * glow;
         material.model.set(Parameter::Emission, ParameterValue::Color(emission));
         change(&mut material.coverage, fields.get(&COVERAGE));
+        material.alpha_cutoff = fields.get(&ALPHA_CUTOFF).or(material.alpha_cutoff);
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));
         let checked = material.check();
         let textures = self.surface_textures(fields);
-        if textures.iter().any(|texture| texture.target == Target::Metalness) {
-            let problem = "for \"metalness\" has a meaning on the standard surface only";
+        if let Some(used) =
+            textures.iter().find(|texture| matches!(texture.target, Target::Standard(_) | Target::AnisotropyDirection))
+        {
+            let problem = format!("for {:?} has a meaning on the standard surface only", used.target.name());
             self.out_of_range(fields, &OutOfRange::new(TEXTURE.name(), problem));
         }
         if !textures.is_empty() {

@@ -24,20 +24,29 @@ const SMOOTH: Field<bool> = Field::new(
 pub(super) static MESH: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "mesh",
-        "Triangles from a file: OBJ (with its MTL materials), PLY or STL. A material given here replaces the file's \
-         own.",
+        "The objects of a file: glTF (with its materials, lights and cameras), OBJ (with its MTL materials), PLY or STL. \
+         A material given here replaces the file's own.",
         &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
     .argument(NAME.schema)
     .transforms()
     .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }"),
     read: ObjectReader::Content(|decoder, f, material| {
-        decoder.mesh(f, f.get(&SMOOTH), f.get(&ONE_SIDED).unwrap_or(false), material)
+        decoder.mesh(f, f.get(&SMOOTH), f.get(&ONE_SIDED), material)
     }),
 };
 
 /// The nodes of a file, by its path and the options `smooth` and `one-sided`.
-pub(crate) type MeshCache = HashMap<(PathBuf, Option<bool>, bool), Vec<scene::Node>>;
+pub(crate) type MeshCache = HashMap<(PathBuf, Option<bool>, Option<bool>), Vec<scene::Node>>;
+
+/// Gives a part, and the parts in it, a material.
+fn repaint(part: &mut scene::Node, material: u32) {
+    match &mut part.content {
+        Content::Group(children) => children.iter_mut().for_each(|child| repaint(child, material)),
+        Content::Light(_) => {}
+        _ => part.material = Some(material),
+    }
+}
 
 impl Decoder<'_> {
     /// Decodes the meshes of the node's file. `smooth` makes normals, or leaves out those of the file.
@@ -45,7 +54,7 @@ impl Decoder<'_> {
         &mut self,
         fields: &Fields,
         smooth: Option<bool>,
-        one_sided: bool,
+        one_sided: Option<bool>,
         material: Option<u32>,
     ) -> Option<Content> {
         let file = fields.text(&FILE)?;
@@ -65,7 +74,7 @@ impl Decoder<'_> {
                 };
                 self.validator.report.append(warnings);
                 for mesh in &mut fragment.meshes {
-                    mesh.one_sided = one_sided;
+                    mesh.one_sided = one_sided.unwrap_or(mesh.one_sided);
                     if smooth == Some(false) {
                         mesh.normals.clear();
                     }
@@ -85,11 +94,15 @@ impl Decoder<'_> {
                 parts
             }
         };
-        if let [scene::Node { content: Content::Mesh(one), .. }] = parts.as_slice() {
+        if let [scene::Node { content: Content::Mesh(one), material: None, transform, .. }] = parts.as_slice()
+            && transform.is_usual()
+        {
             return Some(Content::Mesh(*one));
         }
-        // Each part is a node; the node's material replaces the material of the part.
-        parts.iter_mut().for_each(|part| part.material = material.or(part.material));
+        // The node's material replaces that of each part.
+        if let Some(material) = material {
+            parts.iter_mut().for_each(|part| repaint(part, material));
+        }
         Some(Content::Group(parts))
     }
 

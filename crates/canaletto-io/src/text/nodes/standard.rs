@@ -56,7 +56,7 @@ const DEFAULTS: [fn() -> String; StandardParameter::ALL.len()] = {
     macro_rules! defaults {
         ($($row:literal)*) => { [$(|| default_of($row)),*] };
     }
-    defaults!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29)
+    defaults!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31)
 };
 
 /// The schema of a block.
@@ -120,11 +120,19 @@ const THIN_WALLED: Field<bool> =
     Field::new("thin-walled", "#true for a sheet with no inside, such as a window pane, a leaf or a soap bubble")
         .or(|| flag(StandardSurface::default().thin_walled));
 
+const SCHLICK: Field<bool> = Field::new(
+    "schlick",
+    "#true lets a dielectric reflect by Schlick's curve, from specular color × weight × F0 of the ior to specular weight \
+     at the rim, as in glTF; both then don't touch metals",
+)
+.or(|| flag(StandardSurface::default().schlick));
+
 /// `standard` in a material.
 pub(crate) static STANDARD: NodeSchema = NodeSchema::new(
     "standard",
     "The standard surface, OpenPBR Surface 1.1: a metal or dielectric base, a film, a coat and fuzz. Textures drive its \
-     base colour (`diffuse`), `metalness`, `roughness`, `emission`, `opacity` and normal.",
+     base colour (`diffuse`), `roughness`, `emission`, `opacity`, normal, and most other numbers by the name of their \
+     block and their own, as in `coat-roughness`.",
     &[
         &[
             PRESET.schema,
@@ -137,7 +145,7 @@ pub(crate) static STANDARD: NodeSchema = NodeSchema::new(
             BLOCKS[6].schema,
             BLOCKS[7].schema,
         ],
-        &[OPACITY.schema, THIN_WALLED.schema],
+        &[OPACITY.schema, THIN_WALLED.schema, SCHLICK.schema],
     ],
 )
 .example("material \"car\" { standard { base { color 0.8 0.1 0.05 }; coat { weight 1; roughness 0.05 } } }");
@@ -173,6 +181,9 @@ impl Decoder<'_> {
         }
         if let Some(thin_walled) = inner.get(&THIN_WALLED) {
             surface.thin_walled = thin_walled;
+        }
+        if let Some(schlick) = inner.get(&SCHLICK) {
+            surface.schlick = schlick;
         }
         let opacity = inner.get(&OPACITY);
         if let Some(opacity) = opacity.filter(|opacity| !(0.0..=1.0).contains(opacity)) {

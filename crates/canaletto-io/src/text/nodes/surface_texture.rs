@@ -31,7 +31,7 @@ const TEXTURE_NAME: Field<Text> = Field::text("texture", "the texture's name").n
 const USE: Field<Target> = Field::word(
     "use",
     "what it is for: the colour instead of the shaded one, or over it by its alpha; kd; another number of the \
-     material; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the \
+     material or of the standard surface; what is there of the surface at all; heights, or normals, that bend the normal; heights that move the \
      surface",
 )
 .or(|| quoted(DEFAULT_TARGET.name()));
@@ -59,6 +59,16 @@ const CHANNEL: Field<Channel> = Field::word("channel", "which number of the text
 });
 const RANGE: Field<[f64; 2]> =
     Field::new("range", "what the values 0 and 1 of the texture stand for").or(|| "0 1".into());
+const MULTIPLY: Field<bool> = Field::new(
+    "multiply",
+    "#true multiplies what the material and the textures before have by the texture, instead of replacing it",
+)
+.or(|| "#false".into());
+const UV_SET: Field<u32> = Field::new(
+    "uv-set",
+    "which of a mesh's sets of texture coordinates `mapping=\"uv\"` takes, from 0 on; a mesh without it gives set 0",
+)
+.or(|| "0".into());
 const HEIGHT: Field<f32> = Field::new(
     "height",
     "for \"bump\" and \"displace\": the height of the value 1 over that of 0, in the object's units before its \
@@ -80,7 +90,7 @@ const GREEN: Field<GreenAxis> = Field::word(
 /// `texture` in a material.
 pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
     "texture",
-    "A texture on a material. There may be several; each replaces what those before it gave. Transforms place the \
+    "A texture on a material. There may be several; each replaces what those before it gave, or multiplies it. Transforms place the \
      texture \
      as they place objects: around the middle of the picture with `uv` (x to the right, y upwards), in the mapping's \
      space \
@@ -92,6 +102,8 @@ pub(crate) static SURFACE_TEXTURE: NodeSchema = NodeSchema::new(
         REPEAT.schema,
         CHANNEL.schema,
         RANGE.schema,
+        MULTIPLY.schema,
+        UV_SET.schema,
         HEIGHT.schema,
         DETAIL.schema,
         STRENGTH.schema,
@@ -130,6 +142,7 @@ impl Decoder<'_> {
         let mut used = TextureUse { mapping: self.mapping(&f, texture), ..TextureUse::new(texture, target) };
         self.only_for(&f, target);
         used.channel = f.word(&CHANNEL).unwrap_or(used.channel);
+        used.multiply = f.get(&MULTIPLY).unwrap_or(used.multiply);
         used.range = f.get(&RANGE).map_or(used.range, |[low, high]| [low as f32, high as f32]);
         match &mut used.target {
             Target::Bump | Target::Displace { .. } => {
@@ -201,6 +214,12 @@ impl Decoder<'_> {
                 projection != Projection::Solid,
                 "scale makes the pattern smaller or larger",
             ),
+            (
+                UV_SET.name(),
+                f.has(&UV_SET),
+                projection == Projection::Uv,
+                "sets of texture coordinates belong to \"uv\"",
+            ),
         ] {
             if given && !meant && f.valid {
                 let mapping = projection.name();
@@ -211,21 +230,23 @@ impl Decoder<'_> {
             }
         }
         let space = f.word(&SPACE).unwrap_or(space);
+        let uv_set = f.get(&UV_SET).unwrap_or(0);
         let usual = if projection == usual.projection { usual.transform } else { Transform::IDENTITY };
-        Mapping { projection, space, transform: self.transform(f).after(&usual), repeat: Repeat(repeat) }
+        Mapping { projection, space, transform: self.transform(f).after(&usual), repeat: Repeat(repeat), uv_set }
     }
 
     /// Reports fields that don't apply to this use.
     fn only_for(&mut self, f: &Fields, target: Target) {
         let normal = matches!(target, Target::Normal { .. });
         let heights = matches!(target, Target::Bump | Target::Displace { .. });
-        let one = !target.takes_color() && !normal;
+        let one = !target.takes_color() && !normal && target != Target::AnisotropyDirection;
         for (word, given, meant) in [
             (HEIGHT.name(), f.has(&HEIGHT), heights),
             (DETAIL.name(), f.has(&DETAIL), matches!(target, Target::Displace { .. })),
             (STRENGTH.name(), f.has(&STRENGTH), normal),
             (GREEN.name(), f.has(&GREEN), normal),
             (CHANNEL.name(), f.has(&CHANNEL), one),
+            (MULTIPLY.name(), f.has(&MULTIPLY), target.takes_products()),
         ] {
             if given && !meant && f.valid {
                 let message = format!("{word} has no meaning for the use \"{}\"", target.name());
@@ -233,8 +254,8 @@ impl Decoder<'_> {
                 self.valid = false;
             }
         }
-        if f.has(&RANGE) && f.valid && (normal || heights && f.has(&HEIGHT)) {
-            let message = match normal {
+        if f.has(&RANGE) && f.valid && (normal || target == Target::AnisotropyDirection || heights && f.has(&HEIGHT)) {
+            let message = match !heights {
                 true => format!("range has no meaning for the use \"{}\"", target.name()),
                 false => format!("{:?} has either height or range", target.name()),
             };

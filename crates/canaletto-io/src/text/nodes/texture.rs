@@ -31,7 +31,7 @@ pub(crate) struct TextureNode {
 
 /// The kinds of textures, in the order of the reference. A texture without a kind is of the first.
 pub(crate) static TEXTURES: &[&TextureNode] =
-    &[&IMAGE, &RAMP, &GRID, &CHECKER, &GRADIENT, &NOISE, &FBM, &TURBULENCE, &MARBLE, &WOOD, &WORLEY];
+    &[&IMAGE, &RAMP, &GRID, &VERTEX_COLOR, &CHECKER, &GRADIENT, &NOISE, &FBM, &TURBULENCE, &MARBLE, &WOOD, &WORLEY];
 
 /// The schema of a texture node.
 pub(crate) fn texture(node: &Node) -> Option<&'static NodeSchema> {
@@ -65,7 +65,7 @@ pub(super) const SPACE: Field<ColorSpace> = Field::word(
 const IMAGE_KIND: Field<Text> = kind(&["image"]).or(|| quoted(kind_of(&IMAGE.schema)));
 const FILE: Field<Text> = Field::text(
     "file",
-    "the image: PNG, JPEG, OpenEXR, Radiance HDR or WebP; relative paths start at this file's folder",
+    "the image: PNG, JPEG, OpenEXR, Radiance HDR, WebP or KTX2; relative paths start at this file's folder",
 )
 .needed();
 const FILTER: Field<Filter> =
@@ -117,6 +117,14 @@ static IMAGE: TextureNode = texture_node(
             ..ImageTexture::new(image)
         }))
     },
+);
+
+static VERTEX_COLOR: TextureNode = texture_node(
+    "The colours and alphas of a mesh's vertices; white on other objects. A mesh's colours replace the diffuse colour \
+     of a material that has no such texture.",
+    &[&[kind(&["vertex-color"]).needed().schema]],
+    "texture \"paint\" kind=\"vertex-color\"",
+    |_, _| Some(TextureKind::VertexColor),
 );
 
 /// The images that were read. `None` stands for a file that can't be read, which is reported once.

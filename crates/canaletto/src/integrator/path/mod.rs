@@ -127,7 +127,7 @@ impl PreparedRayIntegrator for PreparedPath {
             guide: self.guide.as_ref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
-            hides_background: false,
+            backdrop: world.backdrop,
             counts: RayCounts::default(),
             cancelled,
             is_cancelled: false,
@@ -168,8 +168,8 @@ pub(crate) struct PathTracer<'w> {
     has_media: bool,
     /// Whether shadow rays to all sources pass surfaces: partial coverage, and what light passes straight on.
     sees_through: bool,
-    /// Whether the background is black where camera rays see it straight on.
-    hides_background: bool,
+    /// The colour that camera rays see straight on instead of the environment or the background.
+    backdrop: Option<Rgb>,
     counts: RayCounts,
     cancelled: Cancelled<'w>,
     is_cancelled: bool,
@@ -221,7 +221,7 @@ impl<'w> RayIntegrator<'w> for PathTracer<'w> {
     }
 
     fn hide_background(&mut self) {
-        self.hides_background = true;
+        self.backdrop = Some(Rgb::BLACK);
     }
 
     fn alpha(&mut self, line: DRay) -> f32 {

@@ -62,7 +62,9 @@ impl OpaqueMaterial {
         let is_harmless = |target: Target| match target {
             Target::Parameter(parameter) => parameter == Parameter::Diffuse,
             Target::Bump | Target::Normal { .. } | Target::Displace { .. } => true,
-            Target::Replace | Target::Decal | Target::Cutout | Target::Metalness => false,
+            Target::Replace | Target::Decal | Target::Cutout | Target::Standard(_) | Target::AnisotropyDirection => {
+                false
+            }
         };
         if material.coverage <= 0.0
             || !material.is_opaque()

@@ -278,9 +278,10 @@ impl PathTracer<'_> {
         let Some((met, is_first)) = seen else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
             // A path that nothing has bent is on its first surface.
-            let arriving = match self.hides_background && path.depth == 1 {
-                true => Rgb::BLACK,
-                false => self.environment(&path.segment, is_direct, probe),
+            let arriving = match self.backdrop.filter(|_| path.depth == 1) {
+                Some(Rgb::BLACK) => Rgb::BLACK,
+                Some(backdrop) => self::found(PathEmitter::Background, backdrop, None, probe),
+                None => self.environment(&path.segment, is_direct, probe),
             };
             if is_eye {
                 probe.miss(arriving);
@@ -611,7 +612,10 @@ impl PathTracer<'_> {
             Some(Refraction::Straight) | None => 1.0,
         };
         let tangent = match described.is_anisotropic() {
-            true => self.world.surface_differential(met.line, &met.hit).tangents(met.surface.normal)[0],
+            true => {
+                let tangents = self.world.tangent_frame(met.line, &met.hit);
+                stretched_along(tangents, frame.normal, &met.material)
+            }
             false => DVec3::ZERO,
         };
         let Frame { normal, facing, outside, .. } = frame;
@@ -641,6 +645,18 @@ impl PathTracer<'_> {
         let back = self.media.crossing(met.crossing).map_or(NONE, |crossing| crossing.back);
         Some([self.inside_before(met, frame.outside), back])
     }
+}
+
+/// The direction that highlights are stretched along: the tangent, turned towards the bitangent.
+fn stretched_along([tangent, bitangent]: [DVec3; 2], normal: DVec3, material: &MaterialPoint) -> DVec3 {
+    let degrees = material.standard.map_or(0.0, |standard| standard.specular.anisotropy_rotation);
+    if degrees == 0.0 {
+        return tangent;
+    }
+    let (sin, cos) = libm::sincos(f64::from(degrees).to_radians());
+    let across = normal.cross(tangent);
+    let across = if across.dot(bitangent) < 0.0 { -across } else { across };
+    tangent * cos + across * sin
 }
 
 /// Light that a path finds, with its weight.

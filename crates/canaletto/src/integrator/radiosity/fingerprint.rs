@@ -97,6 +97,9 @@ impl SolutionFingerprint {
         for mesh in meshes {
             bodies.meshes.push(of_mesh(mesh));
             add_colors(&mut of_materials, &mesh.colors);
+            if !mesh.alphas.is_empty() {
+                add_numbers(&mut of_materials, &mesh.alphas);
+            }
         }
         for SphereCloud { name: _, origin, centers, radii, colors, rows: _ } in spheres {
             let mut hash = of_debug(origin);
@@ -112,14 +115,21 @@ impl SolutionFingerprint {
             bodies.cylinders.push(hash.finish());
             add_colors(&mut of_materials, colors);
         }
-        for Material { name: _, model, coverage, priority, two_sided, medium: _, textures } in materials {
+        for material in materials {
+            let Material { name: _, model, coverage, alpha_cutoff, priority, two_sided, medium: _, textures } =
+                material;
             add_debug(&mut of_materials, &(model, coverage, priority, two_sided, textures));
+            if let Some(cutoff) = alpha_cutoff {
+                add_debug(&mut of_materials, cutoff);
+            }
         }
         for Texture { name: _, kind } in textures {
             add_debug(&mut of_materials, kind);
         }
         let around = environment.as_ref().map(images_of).unwrap_or_default();
-        let mut of_environment = of_debug(environment);
+        // What the camera sees of it changes no light.
+        let lighting = environment.as_ref().map(|environment| Environment { visible: true, ..environment.clone() });
+        let mut of_environment = of_debug(&lighting);
         for (number, image) in images.iter().enumerate() {
             let hash = if around.contains(&(number as u32)) { &mut of_environment } else { &mut of_materials };
             add_image(hash, image);
@@ -264,12 +274,16 @@ impl Bodies {
 }
 
 fn of_mesh(mesh: &Mesh) -> u64 {
-    let Mesh { name: _, origin, positions, normals, uvs, colors: _, triangles, slots, materials, one_sided } = mesh;
+    let Mesh { name: _, origin, positions, normals, uvs, more_uvs, tangents, .. } = mesh;
+    let Mesh { colors: _, alphas: _, triangles, slots, materials, one_sided, .. } = mesh;
     let mut hash = of_debug(&(origin, one_sided, materials));
     add_points(&mut hash, positions);
     add_points(&mut hash, normals);
     hash.add(uvs.len() as u64);
-    uvs.iter().for_each(|uv| add_pair(&mut hash, uv.to_array().map(f32::to_bits)));
+    for uvs in std::iter::once(uvs).chain(more_uvs) {
+        uvs.iter().for_each(|uv| add_pair(&mut hash, uv.to_array().map(f32::to_bits)));
+    }
+    tangents.iter().flat_map(|tangent| tangent.to_array()).for_each(|v| hash.add(u64::from(v.to_bits())));
     hash.add(triangles.len() as u64);
     triangles.iter().flatten().for_each(|&corner| hash.add(u64::from(corner)));
     hash.add(slots.len() as u64);

@@ -59,8 +59,8 @@ impl Whitted<'_> {
 
     /// The colour of a ray that hits nothing.
     pub(super) fn background<P: Probe + ?Sized>(&self, ray: &RayState, probe: &mut P) -> Rgb {
-        if self.hides_background && ray.path_state.is_straight {
-            return Rgb::BLACK;
+        if let Some(backdrop) = self.backdrop.filter(|_| ray.path_state.is_straight) {
+            return backdrop;
         }
         background(self.world, ray.line.direction, ray.differential.as_ref(), probe)
     }

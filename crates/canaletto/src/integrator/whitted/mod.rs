@@ -37,8 +37,8 @@ pub struct Whitted<'w> {
     settings: WhittedSettings,
     /// The rays traced so far.
     pub counts: RayCounts,
-    /// Whether the background is black where camera rays see it straight on.
-    hides_background: bool,
+    /// The colour that camera rays see straight on instead of the environment or the background.
+    backdrop: Option<Rgb>,
     /// What finds shadows in place of rays.
     shadow_lookup: Option<&'w dyn ShadowLookup>,
     /// Called at intervals with the number of rays traced; returns whether to cancel.
@@ -73,7 +73,7 @@ impl<'w> Whitted<'w> {
             world,
             settings,
             counts: RayCounts::default(),
-            hides_background: false,
+            backdrop: world.backdrop,
             shadow_lookup: None,
             cancelled: None,
             is_cancelled: false,

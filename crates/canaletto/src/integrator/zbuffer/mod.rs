@@ -27,7 +27,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::raster::coverage::{self, NOTHING, ScreenTriangle, Sites, VisibilityBuffer};
 use crate::raster::depth_range::{DepthRange, view_bounds};
 use crate::raster::facets::Tolerance;
-use crate::raster::geometry::{BinnedTriangles, GeometryStage, Screen, has_holes};
+use crate::raster::geometry::{BinnedTriangles, GeometryStage, Screen};
 use crate::raster::projection::Projection;
 use crate::raster::triangle_hits::TriangleHits;
 use crate::raster::unshaded_view::refined_depth;
@@ -134,7 +134,7 @@ impl<'w> Zbuffer<'w> {
             traits: world
                 .materials()
                 .iter()
-                .map(|material| [!material.model.is_index_matched_to_air(), has_holes(material)])
+                .map(|material| [!material.model.is_index_matched_to_air(), material.has_holes()])
                 .collect(),
             kept_bytes: AtomicUsize::new(0),
         };
@@ -533,6 +533,9 @@ fn around(zbuffer: &Zbuffer, place: [f64; 2], spacing: f64) -> Rgb {
     let Zbuffer { world, camera, job, .. } = zbuffer;
     if job.film.alpha {
         return Rgb::BLACK;
+    }
+    if let Some(backdrop) = world.backdrop {
+        return backdrop;
     }
     if world.environment.is_none() {
         return world.background;

@@ -41,6 +41,18 @@ pub struct Environment {
     pub intensity: Rgb,
     /// Whether the environment's mean over all directions is added to the scene's ambient light.
     pub ambient: bool,
+    /// Whether camera rays see the environment straight on. Otherwise they see the scene's background colour, also
+    /// through what doesn't bend them. Reflections, refractions and light are those of the environment all the same.
+    #[serde(default = "is_seen", skip_serializing_if = "is_true")]
+    pub visible: bool,
+}
+
+fn is_seen() -> bool {
+    true
+}
+
+fn is_true(visible: &bool) -> bool {
+    *visible
 }
 
 /// The kinds of environments. Numbers of images are indices into [`crate::scene::Scene::images`].
@@ -101,7 +113,7 @@ named!(Smoothing {
 impl Environment {
     /// The environment of this kind, not turned, with an intensity of 1.
     pub fn new(kind: EnvironmentKind) -> Environment {
-        Environment { kind, rotation: Transform::IDENTITY, intensity: Rgb::WHITE, ambient: false }
+        Environment { kind, rotation: Transform::IDENTITY, intensity: Rgb::WHITE, ambient: false, visible: true }
     }
 
     /// The name of this kind in scene text and explanations.

@@ -23,7 +23,7 @@ fn surfaces() -> Vec<LightKind> {
 }
 
 fn points() -> Vec<LightKind> {
-    let spot = |falloff| LightKind::Spot(Spot { position: Vec3::new(0.0, 3.0, 1.0), target: Vec3::ZERO, falloff });
+    let spot = |falloff| Spot { position: Vec3::new(0.0, 3.0, 1.0), target: Vec3::ZERO, falloff, range: 0.0 }.into();
     vec![
         LightKind::Omni(Omni::at(Vec3::Y * 3.0)),
         spot(Falloff::Smooth { inner: 20.0, outer: 50.0 }),
@@ -47,7 +47,7 @@ fn uniform(random: &mut Random) -> [f64; 2] {
 fn samples_estimate_what_the_points_give() {
     let mut random = Random(1);
     let infinite = [
-        LightKind::Omni(Omni { position: [1.0, 2.0, 3.0, 0.0] }),
+        LightKind::Omni(Omni { position: [1.0, 2.0, 3.0, 0.0], range: 0.0 }),
         LightKind::Directional(Directional { towards: Vec3::new(0.3, -1.0, 0.2), beam: Some((Vec3::Y, 0.9)) }),
     ];
     for kind in surfaces().into_iter().chain(points()).chain(infinite) {

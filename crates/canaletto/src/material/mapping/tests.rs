@@ -84,7 +84,7 @@ fn changes_are_the_differences_of_neighbouring_points() {
     for (projection, space) in
         ALL.into_iter().flat_map(|p| [Space::Object, Space::World, Space::Bounds].map(|s| (p, s)))
     {
-        let mapping = Mapping { projection, space, transform, repeat: Repeat([2.0, 3.0]) };
+        let mapping = Mapping { projection, space, transform, repeat: Repeat([2.0, 3.0]), uv_set: 0 };
         for (shape, size) in [(ball(1.5), 1.5), (cube(), 0.5)] {
             for target in targets() {
                 let near = target + DVec3::new(1e-4, -2e-4, 1.5e-4);

@@ -8,7 +8,7 @@ use super::super::{
 use super::diffuse;
 use super::layers::{Layer, Layers, weighted_ior};
 use super::metal::MetalFresnel;
-use super::{StandardFuzz, StandardPoint, StandardSurface, StandardThinFilm};
+use super::{StandardFuzz, StandardSurface, StandardThinFilm};
 use crate::math::{Rgb, warp};
 use glam::{DMat3, DVec3};
 use std::f64::consts::FRAC_1_PI;
@@ -48,7 +48,11 @@ pub struct StandardBsdf {
     /// The share of an opaque thin wall that is translucent, and its colour.
     pub(super) translucent: f32,
     pub(super) translucent_color: Rgb,
+    /// The shares of translucent light that a thin wall sends back and through.
+    pub(super) scattered: [f32; 2],
     pub(super) thin_walled: bool,
+    /// F0 and F90 of the base's reflection by Schlick's curve, instead of Fresnel's equations.
+    pub(super) schlick: Option<[Rgb; 2]>,
     pub(super) film: StandardThinFilm,
     pub(super) coat: CoatPoint,
     pub(super) fuzz: StandardFuzz,
@@ -75,8 +79,9 @@ impl StandardBsdf {
         point: &MaterialPoint,
         frame: ScatteringFrame,
     ) -> StandardBsdf {
-        let StandardPoint { base_color, metalness } = point.standard.unwrap_or(surface.point());
         let Phong { opacity, roughness, .. } = point.classic;
+        let surface = point.standard.as_ref().unwrap_or(surface);
+        let schlick = surface.schlick.then(|| surface.schlick_ends());
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_film, thin_walled, .. } =
             *surface;
         let is_clear = transmission.weight > 0.0 && (thin_walled || frame.is_closed && opacity < 1.0);
@@ -90,10 +95,12 @@ impl StandardBsdf {
         let ior = own + f64::from(coat_weight) * (coated - own);
         let eta_ratio = match is_clear && !thin_walled {
             true => frame.eta_ratio,
+            // The index whose reflection at right angles is that of Schlick's curve.
+            false if let Some([f0, _]) = schlick => 1.0 / weighted_ior(1e12, f0.luminance().into()),
             false => 1.0 / weighted_ior(ior, specular.weight.into()),
         };
         let diffuse_from = if from_inside { (1.0 - 1.0 / (eta_ratio * eta_ratio)).max(0.0).sqrt() } else { 0.0 };
-        let base_color = base_color * base.weight;
+        let base_color = base.color * base.weight;
         let [r4, coat_r4] = [roughness, coat.roughness].map(|r| f64::from(r * r) * f64::from(r * r));
         let rougher = (r4 + 2.0 * coat_r4).min(1.0).sqrt().sqrt();
         let roughness = roughness + coat_weight * (rougher as f32 - roughness);
@@ -104,17 +111,19 @@ impl StandardBsdf {
             diffuse: if thin_walled { base_color } else { blended },
             diffuse_roughness: if from_inside { 0.0 } else { base.diffuse_roughness },
             diffuse_from,
-            metal: MetalFresnel::new(base_color, specular.color),
-            metalness,
-            metal_weight: specular.weight.min(1.0),
-            specular_tint: if from_inside { Rgb::WHITE } else { specular.color },
+            metal: MetalFresnel::new(base_color, if surface.schlick { Rgb::WHITE } else { specular.color }),
+            metalness: base.metalness,
+            metal_weight: if surface.schlick { 1.0 } else { specular.weight.min(1.0) },
+            specular_tint: if from_inside || surface.schlick { Rgb::WHITE } else { specular.color },
             roughness,
             alpha: widths(roughness, specular.anisotropy),
             clear: if is_clear { transmission.weight } else { 0.0 },
             clear_tint: if thin_walled || transmission.depth == 0.0 { transmission.color } else { Rgb::WHITE },
             translucent: if thin_walled { subsurface.weight } else { 0.0 },
             translucent_color: subsurface.color,
+            scattered: [-1.0, 1.0].map(|side| 0.5 * (1.0 + side * subsurface.scatter_anisotropy)),
             thin_walled,
+            schlick,
             film: thin_film,
             coat: CoatPoint {
                 weight: coat_weight,
@@ -231,7 +240,7 @@ impl StandardBsdf {
         let matte = if is_mirrored { 0.0 } else { matte };
         if wi.z <= 0.0 {
             let below = self.below(layers, &[wo.z]);
-            let translucent = layers.translucent_share * (-wi.z * FRAC_1_PI * matte) as f32;
+            let translucent = layers.through_share * (-wi.z * FRAC_1_PI * matte) as f32;
             return below * (translucent + self.eval_clear(layers, wo, wi));
         }
         let mut f = layers.fuzz.map_or(Rgb::BLACK, |fuzz| layers.fuzz_share * fuzz.pdf(wi) as f32);
@@ -243,8 +252,7 @@ impl StandardBsdf {
             let share = fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior));
             f += Rgb::gray((share * layers.coat_share * facets(&self.coat_ggx())) as f32);
         }
-        let mut base =
-            self.eval_diffuse(wo, wi) * layers.diffuse_share + layers.translucent_share * (wi.z * FRAC_1_PI) as f32;
+        let mut base = self.eval_diffuse(wo, wi) * layers.diffuse_share + layers.back_share * (wi.z * FRAC_1_PI) as f32;
         base *= matte as f32;
         if !self.is_smooth() {
             base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;

@@ -2,7 +2,7 @@
 //! those below. Albedos scale the layers, as OpenPBR proposes, so that no more light leaves than arrives.
 //! These factors depend on the viewer's direction only, so that layers are not reciprocal where single lobes are.
 
-use super::super::conductor_albedo::conductor_albedo;
+use super::super::conductor_albedo::{conductor_albedo, grazing_albedo};
 use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept, facets};
 use super::super::ggx::Ggx;
 use super::super::{fresnel_dielectric, reflect};
@@ -62,9 +62,10 @@ pub(super) struct Layers {
     /// The factors of the base's single reflection and transmission.
     pub(super) gloss_share: Rgb,
     pub(super) clear_share: Rgb,
-    /// The factors of diffuse reflection, of a translucent wall's reflection, and of its transmission.
+    /// The factors of diffuse reflection, and of a translucent wall's diffuse reflection and transmission.
     pub(super) diffuse_share: Rgb,
-    pub(super) translucent_share: Rgb,
+    pub(super) back_share: Rgb,
+    pub(super) through_share: Rgb,
     /// The cumulative probabilities of the lobes, in the order of [`Layer::ALL`].
     sums: [f64; 6],
 }
@@ -138,13 +139,33 @@ fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Kept {
 impl StandardBsdf {
     /// The share that a facet of a dielectric base mirrors, under its film.
     pub(super) fn dielectric_fresnel(&self, cos: f64) -> Rgb {
-        let plain = Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
+        let plain = self.bare_fresnel(cos);
         if self.film.weight == 0.0 {
             return plain;
         }
-        let under = |_| UnderFilm::Dielectric(1.0 / self.eta_ratio());
+        let under = |inside: f64| match self.schlick {
+            Some(_) => UnderFilm::Metal(self.bare_fresnel(inside).to_array().map(f64::from)),
+            None => UnderFilm::Dielectric(1.0 / self.eta_ratio()),
+        };
         let film = reflectance(cos, self.film.ior.into(), self.film.thickness.into(), under);
         lerp(plain, film, self.film.weight.into())
+    }
+
+    /// The share that a facet of a dielectric base mirrors without a film.
+    fn bare_fresnel(&self, cos: f64) -> Rgb {
+        let Some([f0, f90]) = self.schlick else {
+            return Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
+        };
+        // From inside Schlick's curve is that of the angle outside.
+        let sin2 = self.eta_ratio() * self.eta_ratio() * (1.0 - cos * cos);
+        let cos = match self.eta_ratio() > 1.0 {
+            true if sin2 >= 1.0 => return Rgb::WHITE,
+            true => (1.0 - sin2).sqrt(),
+            false => cos,
+        };
+        let x = 1.0 - cos.clamp(0.0, 1.0);
+        let x2 = x * x;
+        lerp(f0, f90, x2 * x2 * x)
     }
 
     /// The share that a facet of a metal mirrors, under its film.
@@ -160,7 +181,15 @@ impl StandardBsdf {
 
     /// What the dielectric base mirrors once, of which one scattering mirrors `mirrored` without a film, times `gain`.
     fn gloss_albedo(&self, wo: DVec3, mirrored: f64, gain: f64) -> Rgb {
-        let plain = Rgb::gray((mirrored * gain) as f32);
+        let plain = match self.schlick {
+            None => Rgb::gray((mirrored * gain) as f32),
+            Some(_) if self.is_smooth() => self.bare_fresnel(wo.z),
+            Some([f0, f90]) => {
+                let alpha = (self.alpha[0] * self.alpha[1]).sqrt().into();
+                let (all, grazing) = (conductor_albedo(wo.z, alpha), grazing_albedo(wo.z, alpha));
+                (f0 * (all - grazing) as f32 + f90 * grazing as f32) * gain as f32
+            }
+        };
         if self.film.weight == 0.0 {
             return plain;
         }
@@ -170,7 +199,7 @@ impl StandardBsdf {
         // The mean of what the film changes, over few facets, and at few angles between which it is interpolated.
         let changes: [Rgb; FILM_ANGLES] = std::array::from_fn(|i| {
             let cos = i as f64 / (FILM_ANGLES - 1) as f64;
-            self.dielectric_fresnel(cos) - Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32)
+            self.dielectric_fresnel(cos) - self.bare_fresnel(cos)
         });
         let ggx = self.ggx();
         let squeezed = ggx.squeezed(wo);
@@ -220,7 +249,8 @@ impl StandardBsdf {
             metal_share = scattered * (metalness * f64::from(self.metal_weight)) as f32;
         }
         let (dielectric, clear) = (1.0 - metalness, f64::from(self.clear));
-        let [mut gloss_share, mut clear_share, mut diffuse_share, mut translucent_share, mut gloss] = [Rgb::BLACK; 5];
+        let [mut gloss_share, mut clear_share, mut diffuse_share, mut gloss] = [Rgb::BLACK; 4];
+        let [mut back_share, mut through_share] = [Rgb::BLACK; 2];
         let mut refracted = 0.0;
         if dielectric > 0.0 {
             let kept = kept(wo, self.eta_ratio(), &self.ggx());
@@ -233,7 +263,8 @@ impl StandardBsdf {
             let entering = (Rgb::WHITE - gloss).map(|v| v.max(0.0)) * (dielectric * (1.0 - clear)) as f32;
             let translucent = f64::from(self.translucent);
             diffuse_share = entering * (1.0 - translucent) as f32;
-            translucent_share = entering * self.translucent_color * (0.5 * translucent) as f32;
+            let scattered = entering * self.translucent_color * translucent as f32;
+            [back_share, through_share] = self.scattered.map(|share| scattered * share);
         }
         let base = below[0] + below[1] * self.coat.color;
         let size = |color: Rgb| f64::from(color.max_component());
@@ -256,9 +287,9 @@ impl StandardBsdf {
             size(fuzz_share),
             (1.0 - covered) * share * coat_albedo.max(coat_grazed),
             mirrored + through,
-            size(base * (diffuse_share * self.diffuse + translucent_share)),
+            size(base * (diffuse_share * self.diffuse + back_share)),
             straight,
-            size(base * translucent_share),
+            size(base * through_share),
         ];
         let total: f64 = albedos.iter().sum();
         let mut sum = 0.0;
@@ -275,7 +306,8 @@ impl StandardBsdf {
             gloss_share,
             clear_share,
             diffuse_share,
-            translucent_share,
+            back_share,
+            through_share,
             sums,
         }
     }

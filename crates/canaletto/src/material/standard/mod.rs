@@ -2,7 +2,7 @@
 //! defaults.
 //!
 //! A metal or a dielectric base, which is opaque or clear, lies under a coat, and that under fuzz. The numbers are a
-//! description, which only integrators of physics read; [`StandardPoint`] is what every integrator carries along.
+//! description, which only integrators of physics read.
 //!
 //! Deviations: subsurface scattering is diffuse reflection of its colour. Emission is not dimmed by the layers over
 //! it. Clear bodies absorb light and don't scatter it inside. Coat and base share a normal and a tangent.
@@ -22,8 +22,7 @@ mod thin_film;
 
 pub(crate) use bsdf::SeenStandard;
 pub use bsdf::StandardBsdf;
-pub use parameter::{StandardBlock, StandardParameter};
-pub use point::StandardPoint;
+pub use parameter::{StandardBlock, StandardParameter, StandardTarget};
 pub use presets::{PRESETS, Preset};
 
 use crate::OutOfRange;
@@ -52,6 +51,10 @@ pub struct StandardSurface {
     pub emission: StandardEmission,
     /// Whether the surface is a sheet with no inside, which looks the same from both sides.
     pub thin_walled: bool,
+    /// Whether a dielectric reflects by Schlick's curve, as glTF has it (the generalized Schlick of MaterialX): from
+    /// the specular colour × F0 of the index × the specular weight at right angles, to that weight at the rim. The
+    /// specular weight and colour then have no effect on metals. Otherwise Fresnel's equations hold.
+    pub schlick: bool,
 }
 
 /// The base of a standard surface.
@@ -80,8 +83,10 @@ pub struct StandardSpecular {
     pub roughness: f32,
     /// The coefficient of refraction of a dielectric, more than 0.
     pub ior: f32,
-    /// The stretch of highlights along ∂P/∂u, 0 (none) to 1.
+    /// The stretch of highlights along the tangent, 0 (none) to 1.
     pub anisotropy: f32,
+    /// The angle in degrees from the tangent to the stretch, counter-clockwise seen from outside.
+    pub anisotropy_rotation: f32,
 }
 
 /// The clear part of the base of a standard surface.
@@ -108,6 +113,8 @@ pub struct StandardSubsurface {
     pub weight: f32,
     /// The colour that it reflects, 0 to 1.
     pub color: Rgb,
+    /// Where a thin wall sends the light: 1 all of it through, −1 all of it back, 0 half of it to each side.
+    pub scatter_anisotropy: f32,
 }
 
 /// The coat of a standard surface.
@@ -170,7 +177,14 @@ impl Default for StandardBase {
 
 impl Default for StandardSpecular {
     fn default() -> StandardSpecular {
-        StandardSpecular { weight: 1.0, color: Rgb::WHITE, roughness: 0.3, ior: 1.5, anisotropy: 0.0 }
+        StandardSpecular {
+            weight: 1.0,
+            color: Rgb::WHITE,
+            roughness: 0.3,
+            ior: 1.5,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+        }
     }
 }
 
@@ -188,7 +202,7 @@ impl Default for StandardTransmission {
 
 impl Default for StandardSubsurface {
     fn default() -> StandardSubsurface {
-        StandardSubsurface { weight: 0.0, color: Rgb::gray(0.8) }
+        StandardSubsurface { weight: 0.0, color: Rgb::gray(0.8), scatter_anisotropy: 0.0 }
     }
 }
 
@@ -231,6 +245,9 @@ impl StandardSurface {
 
     /// The coefficient of refraction of the base after the specular weight, at the Fraunhofer line d.
     pub fn ior(&self) -> f32 {
+        if self.schlick {
+            return self.specular.ior;
+        }
         layers::weighted_ior(self.specular.ior.into(), self.specular.weight.into()) as f32
     }
 
@@ -241,6 +258,14 @@ impl StandardSurface {
         let [f, d, c] = FRAUNHOFER.map(|wavelength| 1.0 / (wavelength * wavelength));
         let b = (ior - 1.0) * f64::from(dispersion_scale) / (f64::from(dispersion_abbe_number) * (f - c));
         WAVELENGTHS.map(|wavelength| ((ior + b * (1.0 / (wavelength * wavelength) - d)) as f32).max(1e-3))
+    }
+
+    /// F0 and F90 of Schlick's curve for a dielectric.
+    fn schlick_ends(&self) -> [Rgb; 2] {
+        let StandardSpecular { weight, color, ior, .. } = self.specular;
+        let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
+        let weight = weight.min(1.0);
+        [color.map(|tint| (tint * f0).min(1.0)) * weight, Rgb::gray(weight)]
     }
 
     /// The absorption of the clear body per unit of length.

@@ -1,53 +1,48 @@
-//! The standard surface at a point: the numbers that textures drive, and what other integrators take in its place.
+//! What other integrators take in place of the standard surface.
 
 use super::super::Phong;
 use super::{StandardSurface, layers};
 use crate::math::Rgb;
 
-/// The numbers of a standard surface that textures drive. The rest stay with the material.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StandardPoint {
-    /// The diffuse colour, or a metal's colour at right angles, 0 to 1.
-    pub base_color: Rgb,
-    /// The share that is metal, 0 to 1.
-    pub metalness: f32,
-}
-
 /// The roughness up to which other integrators trace mirrored rays for the reflection of a dielectric.
 const POLISHED: f32 = 0.1;
 
 impl StandardSurface {
-    /// The numbers of the surface where no texture drives them.
-    pub fn point(&self) -> StandardPoint {
-        StandardPoint { base_color: self.base.color, metalness: self.base.metalness }
-    }
-
     /// The classic view of the surface where no texture drives it.
     pub(in crate::material) fn classic(&self) -> Phong {
         let emission = self.emission.color * self.emission.radiance;
         let mut phong = Phong { roughness: self.specular.roughness, emission, ..Phong::default() };
-        self.approximate(&self.point(), &mut phong);
+        self.approximate(&mut phong);
         phong
     }
 
-    /// Sets the coefficients of (5.39b) to those nearest to the surface with the point's numbers and the roughness.
+    /// Sets the coefficients of (5.39b) to those nearest to the surface with the roughness that
+    /// `phong` has.
     ///
     /// kd is the diffuse colour. A point light's highlight has the height of the microfacets' peak at right angles,
     /// F0 / (4 α²), up to F0, and Phong's exponent of Blinn's, (2/α² − 2) / 4 (Fisher & Woo, *R.E versus N.H Specular
     /// Highlights*, 1994). k is F0 of metals, and of polished dielectrics and coats. The opacity is 1 less what passes
     /// at right angles. The coat's colour tints all below it, and fuzz adds its mean albedo to kd.
-    pub(in crate::material) fn approximate(&self, at: &StandardPoint, phong: &mut Phong) {
+    pub(in crate::material) fn approximate(&self, phong: &mut Phong) {
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_walled, .. } = self;
-        let metal = at.metalness;
+        let metal = base.metalness;
         let ior = self.ior();
-        let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
+        let [reflection, f0] = match self.schlick {
+            true => [self.schlick_ends()[0], Rgb::gray(self.schlick_ends()[0].luminance())],
+            false => {
+                let f0 = Rgb::gray(layers::reflection_at_right_angles(ior.into()) as f32);
+                [specular.color * f0, f0]
+            }
+        };
+        let f0 = f0.g;
         let coat_f0 = layers::reflection_at_right_angles(coat.ior.into()) as f32 * coat.weight;
-        let base_color = at.base_color * base.weight;
+        let base_color = base.color * base.weight;
         let opaque = base_color * (1.0 - subsurface.weight) + subsurface.color * subsurface.weight;
         let tint = (Rgb::WHITE * (1.0 - coat.weight) + coat.color * coat.weight) * (1.0 - coat_f0);
         let clear = (1.0 - metal) * transmission.weight;
-        let mirrored = base_color * (metal * specular.weight.min(1.0));
-        let gloss = specular.color * ((1.0 - metal) * f0);
+        let weight = if self.schlick { 1.0 } else { specular.weight.min(1.0) };
+        let mirrored = base_color * (metal * weight);
+        let gloss = reflection * (1.0 - metal);
         let alpha = (phong.roughness * phong.roughness).max(0.01);
         let peak = (0.25 / (alpha * alpha)).min(1.0);
         let coat_alpha = (coat.roughness * coat.roughness).max(0.01);

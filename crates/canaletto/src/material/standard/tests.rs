@@ -69,8 +69,20 @@ fn flat(surface: StandardSurface) -> StandardSurface {
 }
 
 fn leaf() -> StandardSurface {
-    let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE };
+    let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE, scatter_anisotropy: 0.0 };
     thin(StandardSurface { subsurface, ..white() })
+}
+
+/// A leaf that sends most of the light through.
+fn sheer_leaf() -> StandardSurface {
+    let subsurface = StandardSubsurface { scatter_anisotropy: 0.8, ..leaf().subsurface };
+    StandardSurface { subsurface, ..leaf() }
+}
+
+/// A dielectric by Schlick's curve with a tinted reflection.
+fn schlick(surface: StandardSurface) -> StandardSurface {
+    let specular = StandardSpecular { color: Rgb::new(1.0, 0.6, 0.2), ior: 3.0, ..surface.specular };
+    StandardSurface { schlick: true, specular, ..surface }
 }
 
 const ANGLES: [f64; 4] = [0.0, 45.0, 75.0, 88.0];
@@ -92,6 +104,9 @@ fn directions_have_their_density() {
         rough(clear(), 0.5),
         thin(rough(clear(), 0.5)),
         rough(leaf(), 0.5),
+        rough(sheer_leaf(), 0.5),
+        schlick(rough(white(), 0.5)),
+        filmed(schlick(rough(white(), 0.5)), 0.4),
         mixed,
     ];
     for (surface, degrees) in all.into_iter().zip([10.0, 65.0, 40.0].into_iter().cycle()) {
@@ -110,7 +125,7 @@ type Make = fn(f32) -> StandardSurface;
 /// No more light leaves than arrives, on a grid of roughness and angles, whatever the layers are.
 #[test]
 fn no_surface_gains_light() {
-    let make: [(&str, Make); 12] = [
+    let make: [(&str, Make); 15] = [
         ("plastic", |r| rough(white(), r)),
         ("metal", |r| metal(rough(white(), r))),
         ("coat", |r| coated(rough(white(), 0.3), r)),
@@ -122,6 +137,9 @@ fn no_surface_gains_light() {
         ("brushed plastic", |r| brushed(rough(white(), r), 0.6)),
         ("flat", |r| flat(rough(white(), r))),
         ("leaf", |r| rough(leaf(), r)),
+        ("sheer leaf", |r| rough(sheer_leaf(), r)),
+        ("schlick", |r| schlick(rough(white(), r))),
+        ("film on schlick", |r| filmed(schlick(rough(white(), r)), 0.35)),
         ("all", |r| fuzzy(coated(filmed(flat(rough(white(), r)), 0.5), r), r)),
     ];
     for (name, make) in make {
@@ -147,6 +165,8 @@ fn what_absorbs_nothing_loses_nothing() {
                 ("coated metal", coated(metal(rough(white(), roughness)), 0.4)),
                 ("fuzz", fuzzy(rough(white(), roughness), 0.4)),
                 ("leaf", rough(leaf(), roughness)),
+                ("sheer leaf", rough(sheer_leaf(), roughness)),
+                ("schlick", schlick(rough(white(), roughness))),
                 ("film", filmed(rough(white(), roughness), 0.35)),
                 ("brushed", brushed(metal(rough(white(), roughness)), 0.8)),
             ] {
@@ -364,4 +384,48 @@ fn other_integrators_take_the_nearest_meaning() {
     assert!(gold.kd.is_black() && gold.k.g == 1.0 && gold.roughness == 0.2);
     let glass = phong(rough(clear(), 0.0));
     assert!((glass.opacity - 0.04).abs() < 1e-6 && (glass.k.g - 0.04).abs() < 1e-6 && (glass.eta - 1.5).abs() < 1e-5);
+}
+
+/// A smooth dielectric by Schlick's curve mirrors F0 + (F90 − F0) (1 − cos)⁵ with F0 = color × F0(ior) × weight and
+/// F90 = weight (KHR_materials_specular). The weight and the colour don't touch metals.
+#[test]
+fn schlicks_curve_has_its_ends() {
+    let specular = StandardSpecular {
+        weight: 0.6,
+        color: Rgb::new(1.0, 0.5, 0.25),
+        roughness: 0.0,
+        ..StandardSpecular::default()
+    };
+    let black = StandardBase { color: Rgb::BLACK, ..StandardBase::default() };
+    let surface = StandardSurface { base: black, specular, schlick: true, ..StandardSurface::default() };
+    for degrees in [0.0f64, 40.0, 70.0, 85.0] {
+        let wo = direction(degrees);
+        let sample = bsdf(surface).sample(wo, 0.5, [0.5; 2]).unwrap();
+        let x = 1.0 - degrees.to_radians().cos();
+        let curve = |tint: f64| {
+            let f0 = 0.04 * tint * 0.6;
+            f0 + (0.6 - f0) * x * x * x * x * x
+        };
+        let found = sample.f.to_array().map(|f| f64::from(f) / sample.pdf);
+        for (found, tint) in found.into_iter().zip([1.0, 0.5, 0.25]) {
+            assert!((found - curve(tint)).abs() < 1e-5, "{degrees}°: {found} {}", curve(tint));
+        }
+    }
+    let gold = StandardBase { color: Rgb::new(1.0, 0.8, 0.3), metalness: 1.0, ..StandardBase::default() };
+    let sample = bsdf(StandardSurface { base: gold, ..surface }).sample(DVec3::Z, 0.5, [0.5; 2]).unwrap();
+    assert!((sample.f * (1.0 / sample.pdf) as f32 - gold.color).max_component().abs() < 1e-5, "{:?}", sample.f);
+}
+
+/// A thin wall sends the share (1 + g) / 2 of its translucent light through (OpenPBR's scatter anisotropy).
+#[test]
+fn scatter_anisotropy_splits_translucent_light() {
+    let specular = StandardSpecular { weight: 0.0, ..StandardSpecular::default() };
+    for g in [-1.0f32, -0.5, 0.0, 0.8, 1.0] {
+        let subsurface = StandardSubsurface { weight: 1.0, color: Rgb::gray(0.5), scatter_anisotropy: g };
+        let surface = StandardSurface { subsurface, specular, ..thin(StandardSurface::default()) };
+        let at = |z: f64| f64::from(bsdf(surface).eval(DVec3::Z, DVec3::new(0.0, 0.0, z)).g) * std::f64::consts::PI;
+        let [back, through] = [at(1.0), at(-1.0)];
+        let expected = [-1.0, 1.0].map(|side| 0.25 * (1.0 + side * f64::from(g)));
+        assert!((back - expected[0]).abs() < 1e-6 && (through - expected[1]).abs() < 1e-6, "{g}: {back} {through}");
+    }
 }

@@ -180,7 +180,13 @@ fn near(points: &mut [Vec3]) -> DVec3 {
 fn move_mesh(mesh: &mut Mesh, transform: &Transform) {
     mesh.positions.par_iter_mut().for_each(|p| *p = transform.point(p.as_dvec3()).as_vec3());
     mesh.normals.par_iter_mut().for_each(|n| *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3());
-    if transform.matrix().matrix3.determinant() < 0.0 {
+    let is_mirroring = transform.matrix().matrix3.determinant() < 0.0;
+    let side = if is_mirroring { -1.0 } else { 1.0 };
+    mesh.tangents.par_iter_mut().for_each(|t| {
+        let along = transform.vector(t.truncate().as_dvec3()).normalize_or_zero().as_vec3();
+        *t = along.extend(t.w * side);
+    });
+    if is_mirroring {
         mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
 }

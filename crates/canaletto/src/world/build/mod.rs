@@ -166,15 +166,19 @@ impl World {
         }
         let root = Group::new(instances, &bounds, "the scene", builder.tables())?;
         materials.push(Material::new("default", Phong::default()));
-        let materials: Vec<PreparedMaterial> = materials.into_iter().map(PreparedMaterial::new).collect();
+        let reads_vertex_colors = |texture: u32| builder.displacement.patterns[texture as usize].is_vertex_color();
+        let prepared = |material| PreparedMaterial::new(material, reads_vertex_colors);
+        let materials: Vec<PreparedMaterial> = materials.into_iter().map(prepared).collect();
         let clear_instances = clear_instances(&root.instances, &builder.geometries, &materials);
         let clear = clear_geometries(&root, &builder.groups, &builder.geometries, &materials);
         let clear_bounds = bounds.iter().zip(&clear_instances).filter(|(_, clear)| **clear).map(|(bounds, _)| *bounds);
         let clear_bounds = clear_bounds.fold(Aabb::EMPTY, |a, b| a.union(b));
         let has_clear = !materials.iter().all(PreparedMaterial::is_opaque);
         let may_emit = materials.iter().any(PreparedMaterial::may_emit);
+        let is_hidden = environment.as_ref().is_some_and(|environment| !environment.visible);
         let mut world = World {
             background,
+            backdrop: is_hidden.then_some(background),
             ambient,
             lights: sources(lights, &builder.light_meshes),
             textures: builder.displacement.patterns,
@@ -311,7 +315,7 @@ fn resolve_textures(
             let space = match &described.kind {
                 TextureKind::Image(image) => image.space,
                 TextureKind::Grid(grid) => grid.space,
-                TextureKind::Constant(_) | TextureKind::Procedural(_) => continue,
+                TextureKind::Constant(_) | TextureKind::Procedural(_) | TextureKind::VertexColor => continue,
             };
             if space.is_some() || texture.target.takes_color() || texture.channel == Channel::Alpha {
                 continue;
@@ -320,7 +324,7 @@ fn resolve_textures(
             match &mut kind {
                 TextureKind::Image(image) => image.space = Some(ColorSpace::Raw),
                 TextureKind::Grid(grid) => grid.space = Some(ColorSpace::Raw),
-                TextureKind::Constant(_) | TextureKind::Procedural(_) => {}
+                TextureKind::Constant(_) | TextureKind::Procedural(_) | TextureKind::VertexColor => {}
             }
             texture.texture = *raw.entry(index).or_insert_with(|| {
                 let name = textures[index as usize].name.clone();
@@ -332,7 +336,7 @@ fn resolve_textures(
     let names = textures.iter().map(|texture| texture.name.clone()).collect();
     let needs_differentials = materials.iter().flat_map(|m| &m.textures).any(|used| {
         let filtered = match &textures[used.texture as usize].kind {
-            TextureKind::Constant(_) => false,
+            TextureKind::Constant(_) | TextureKind::VertexColor => false,
             TextureKind::Image(image) => image.prefilter != Prefilter::None,
             TextureKind::Grid(grid) => grid.prefilter != Prefilter::None,
             TextureKind::Procedural(_) => true,

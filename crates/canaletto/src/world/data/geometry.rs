@@ -341,9 +341,11 @@ impl Geometry {
             }
             Geometry::Mesh { mesh, .. } => {
                 stats.triangles += n;
+                let sets: usize = mesh.more_uvs.iter().map(Vec::len).sum();
                 list(12, mesh.positions.len() + mesh.normals.len() + mesh.colors.len() + mesh.triangles.len())
-                    + list(8, mesh.uvs.len())
-                    + list(4, mesh.slots.len())
+                    + list(8, mesh.uvs.len() + sets)
+                    + list(16, mesh.tangents.len())
+                    + list(4, mesh.slots.len() + mesh.alphas.len())
             }
             Geometry::Spheres { cloud, .. } => {
                 stats.cloud_spheres += n;

@@ -6,7 +6,7 @@
 //! priorities it is the body with the smallest volume, so that a body within another needs no priority. Surfaces that
 //! aren't closed refract rays but hold no medium.
 
-use crate::material::{Material, PreparedMaterial, Target, TextureUse};
+use crate::material::{Material, PreparedMaterial};
 use crate::math::DRay;
 use crate::shape::{Shape, ShapeHit};
 use crate::world::World;
@@ -67,8 +67,7 @@ pub(crate) struct OpenMesh<'w> {
 impl PreparedMaterial {
     /// Whether a closed surface of this material bounds a body: light passes everywhere by refraction.
     fn fills(&self) -> bool {
-        let cut = |texture: &TextureUse| texture.target == Target::Cutout;
-        !self.is_opaque() && self.coverage >= 1.0 && !self.textures.iter().any(cut)
+        !self.is_opaque() && !self.has_holes()
     }
 }
 

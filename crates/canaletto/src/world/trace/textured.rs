@@ -6,9 +6,10 @@ use crate::material::{
     clamp_to_hemisphere,
 };
 use crate::math::{DRay, Transform};
-use crate::shape::{Surface, SurfaceDifferential};
+use crate::shape::{Mesh, Surface, SurfaceDifferential};
 use crate::texture::{Footprint, Lookup, PreparedTexture};
 use crate::world::GeometryProbe;
+use crate::world::data::geometry::Geometry;
 use crate::world::{Hit, MeshFacet, World};
 use canaletto_bvh::Aabb;
 use glam::DVec3;
@@ -44,13 +45,31 @@ pub struct Reading {
 }
 
 /// A hit in the space of its object.
-struct Local {
+struct Local<'w> {
     surface: Surface,
     surface_differential: SurfaceDifferential,
     to_world: Option<Transform>,
     bounds: Option<Aabb>,
     /// The origin of the object's coordinates.
     origin: DVec3,
+    /// The mesh of the hit, its triangle, and the weights of the corners at the hit.
+    mesh: Option<(&'w Mesh, usize, [f64; 3])>,
+}
+
+impl Local<'_> {
+    /// The tangent and the bitangent of normal maps: those of the mesh's vertices, or along growing u and falling v.
+    fn tangent_frame(&self) -> [DVec3; 2] {
+        let of_vertices =
+            self.mesh.and_then(|(mesh, i, weights)| mesh.tangent_frame(i, weights, self.surface.shading_normal));
+        of_vertices.unwrap_or_else(|| {
+            let [along, down] = self.surface_differential.tangents(self.surface.normal);
+            [along, -down]
+        })
+    }
+
+    fn vertex_color(&self) -> [f32; 4] {
+        self.mesh.map_or([1.0; 4], |(mesh, i, weights)| mesh.vertex_color(i, weights))
+    }
 }
 
 impl World {
@@ -65,6 +84,17 @@ impl World {
         match &local.to_world {
             None => local.surface_differential,
             Some(t) => local.surface_differential.transformed(t, &local.surface),
+        }
+    }
+
+    /// The tangent and the bitangent at a hit of this line's ray: those of the mesh's vertices, or along growing u and
+    /// falling v. Zero where the texture coordinates don't span the surface.
+    pub(crate) fn tangent_frame(&self, line: DRay, hit: &Hit) -> [DVec3; 2] {
+        let local = self.local(line, hit, None);
+        let frame = local.tangent_frame();
+        match &local.to_world {
+            None => frame,
+            Some(t) => frame.map(|direction| t.vector(direction)),
         }
     }
 
@@ -124,7 +154,7 @@ impl World {
         // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
-            let coords = used.mapping.coords(&at.place);
+            let coords = at.coords(used);
             let (before, was) = (point, normal);
             let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
             let room = if probe.is_active() { &mut readings[..] } else { &mut [] };
@@ -135,11 +165,7 @@ impl World {
                     let s = f64::from(strength);
                     let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
                     let y = if down { -y } else { y };
-                    normal = apply_normal_map(
-                        normal,
-                        local.surface_differential.tangents(local.surface.normal),
-                        [x * s, y * s, z],
-                    );
+                    normal = apply_normal_map(normal, local.tangent_frame(), [x * s, y * s, z]);
                 }
                 _ => used.apply(value, &mut point),
             }
@@ -188,7 +214,12 @@ impl World {
 
     /// The material at a hit as far as light that crosses the surface needs it.
     #[inline(always)]
-    fn crossed_by(&self, local: impl FnOnce() -> Local, hit: &Hit, step: Option<[DVec3; 2]>) -> MaterialPoint {
+    fn crossed_by<'w>(
+        &'w self,
+        local: impl FnOnce() -> Local<'w>,
+        hit: &Hit,
+        step: Option<[DVec3; 2]>,
+    ) -> MaterialPoint {
         let material = self.material(hit);
         let mut point = *material.plain();
         if material.textures.is_empty() || material.is_opaque() {
@@ -196,15 +227,20 @@ impl World {
         }
         let local = local();
         let at = At::new(self, &local, step);
-        for used in material.textures.iter().filter(|used| used.target.may_transmit()) {
+        // The opacity of a clear standard surface follows from several of its numbers.
+        let is_clear_standard = point.standard.is_some() && point.classic.opacity < 1.0;
+        let counts =
+            |target: &Target| target.may_transmit() || is_clear_standard && matches!(target, Target::Standard(_));
+        for used in material.textures.iter().filter(|used| counts(&used.target)) {
             let pattern = &self.textures[used.texture as usize];
-            let value = at.value(pattern, used, &used.mapping.coords(&at.place), &mut []);
+            let value = at.value(pattern, used, &at.coords(used), &mut []);
             used.apply(value, &mut point);
         }
+        material.finish(&mut point);
         point
     }
 
-    fn local(&self, line: DRay, hit: &Hit, facet: Option<&MeshFacet>) -> Local {
+    fn local(&self, line: DRay, hit: &Hit, facet: Option<&MeshFacet>) -> Local<'_> {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.geometry.unbounded[hit.primitive as usize];
@@ -212,7 +248,14 @@ impl World {
             let line = to_world.as_ref().map_or(line, |t| line.to_local(t));
             let surface = shape.surface(line, &shape_hit);
             let surface_differential = shape.surface_differential(&surface, &shape_hit);
-            return Local { surface, surface_differential, to_world, bounds: None, origin: unbounded.origin };
+            return Local {
+                surface,
+                surface_differential,
+                to_world,
+                bounds: None,
+                origin: unbounded.origin,
+                mesh: None,
+            };
         }
         let (index, to_world) = self.with_instance(hit.instance, |instance| {
             (instance.geometry, instance.placed(&self.geometry.chains, hit.time))
@@ -235,19 +278,27 @@ impl World {
             to_world,
             bounds: geometry.object_bounds(hit.primitive),
             origin: self.geometry.local_origins.get(&index).copied().unwrap_or_default(),
+            mesh: match geometry {
+                Geometry::Mesh { mesh, .. } => {
+                    let i = hit.primitive as usize;
+                    Some((mesh, i, mesh.weights_at(i, &local_line, &shape_hit)))
+                }
+                _ => None,
+            },
         }
     }
 }
 
 /// A hit as the input of texture mappings.
 struct At<'a> {
+    local: &'a Local<'a>,
     place: Place<'a>,
     /// The steps to the neighbouring samples in the object's space; zero without a footprint.
     steps: [DVec3; 2],
 }
 
 impl<'a> At<'a> {
-    fn new(world: &World, local: &'a Local, step: Option<[DVec3; 2]>) -> At<'a> {
+    fn new(world: &World, local: &'a Local<'a>, step: Option<[DVec3; 2]>) -> At<'a> {
         debug_assert!(step.is_none() || world.shading.needs_differentials);
         let steps = match (step, &local.to_world) {
             (None, _) => [DVec3::ZERO; 2],
@@ -263,7 +314,19 @@ impl<'a> At<'a> {
             bounds: local.bounds,
             origins: [local.origin, world.geometry.origin],
         };
-        At { place, steps }
+        At { local, place, steps }
+    }
+
+    /// The texture coordinates of a use.
+    fn coords(&self, used: &TextureUse) -> TexCoords {
+        let in_set = |(mesh, i, weights): (&Mesh, usize, [f64; 3])| mesh.uv_in_set(used.mapping.uv_set, i, weights);
+        if used.mapping.uv_set > 0
+            && let Some((uv, gradients)) = self.local.mesh.and_then(in_set)
+        {
+            let surface_differential = &SurfaceDifferential { gradients, ..*self.place.surface_differential };
+            return used.mapping.coords(&Place { uv, surface_differential, ..self.place });
+        }
+        used.mapping.coords(&self.place)
     }
 
     fn lookup(&self, spot: &TexCoord) -> Lookup {
@@ -279,6 +342,9 @@ impl<'a> At<'a> {
         coords: &TexCoords,
         readings: &mut [Reading],
     ) -> [f32; 4] {
+        if pattern.is_vertex_color() {
+            return self.local.vertex_color();
+        }
         let one = |spot: &TexCoord, reading: Option<&mut Reading>| {
             let lookup = self.lookup(spot);
             if let Some(reading) = reading {

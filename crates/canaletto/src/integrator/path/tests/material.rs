@@ -199,7 +199,7 @@ fn corners_of_materials_keep_light() {
             add(format!("fuzz {weight}, {roughness}"), standard(StandardSurface { fuzz, ..plastic }), 0.9);
         }
         for clear in [0.0, 0.5, 1.0] {
-            let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE };
+            let subsurface = StandardSubsurface { weight: 0.7, color: Rgb::WHITE, scatter_anisotropy: 0.0 };
             let pane = StandardSurface { thin_walled: true, subsurface, ..of(roughness, [1.5, 1.0], clear, 0.0) };
             add(format!("thin wall, clear {clear}, {roughness}"), standard(pane), 1.0);
         }

@@ -45,8 +45,8 @@ impl PathTracer<'_> {
             }
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
             let Some((met, _)) = self.meet(&path.segment, found, &mut ()) else {
-                if self.hides_background && path.depth == 1 {
-                    return background(Rgb::BLACK);
+                if let Some(backdrop) = self.backdrop.filter(|_| path.depth == 1) {
+                    return background(as_albedo(path.throughput * backdrop));
                 }
                 return background(as_albedo(path.throughput * self.environment(&path.segment, true, &mut ())));
             };

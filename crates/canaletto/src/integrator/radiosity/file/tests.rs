@@ -58,6 +58,7 @@ fn scene() -> Scene {
         rotation: Transform::IDENTITY,
         intensity: Rgb::gray(0.3),
         ambient: false,
+        visible: true,
     };
     Scene {
         ambient: Rgb::gray(0.1),

@@ -6,7 +6,6 @@ use crate::integrator::media;
 use crate::integrator::visible_hit::VisibleHit;
 use crate::integrator::visible_hit::{background, visible_hit};
 use crate::integrator::whitted::Whitted;
-use crate::math::Rgb;
 
 impl Whitted<'_> {
     /// Finds the nearest surface of each ray, past holes. A ray without a hit gets the environment's or background's
@@ -49,8 +48,8 @@ impl Whitted<'_> {
             }
             let ray = (batch.lines[index], batch.rays[index], found, differential);
             let Some(visible_hit) = visible_hit(world, &mut self.media, ray, start, batch.time(index), &mut ()) else {
-                if self.hides_background && batch.path_state(index).is_straight {
-                    *color = Rgb::BLACK;
+                if let Some(backdrop) = self.backdrop.filter(|_| batch.path_state(index).is_straight) {
+                    *color = backdrop;
                 } else if world.environment.is_some() {
                     *color = background(world, batch.lines[index].direction, differential, &mut ());
                 }

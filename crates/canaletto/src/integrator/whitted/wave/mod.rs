@@ -120,7 +120,7 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
     }
 
     fn hide_background(&mut self) {
-        self.hides_background = true;
+        self.backdrop = Some(Rgb::BLACK);
     }
 
     fn alpha(&mut self, line: DRay) -> f32 {
