@@ -23,6 +23,7 @@ impl CodecOff {
 pub(crate) const EXR: CodecOff = CodecOff::new("OpenEXR", "exr");
 pub(crate) const GIF: CodecOff = CodecOff::new("GIF", "gif");
 pub(crate) const JPEG: CodecOff = CodecOff::new("JPEG", "jpeg");
+pub(crate) const KTX2: CodecOff = CodecOff::new("KTX2", "ktx2");
 pub(crate) const PNG: CodecOff = CodecOff::new("PNG", "png");
 pub(crate) const WEBP: CodecOff = CodecOff::new("WebP", "webp");
 
@@ -34,6 +35,11 @@ pub(crate) fn is_exr(bytes: &[u8]) -> bool {
 /// Whether the file starts like a JPEG.
 pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\xff\xd8")
+}
+
+/// Whether the file starts like a KTX2 texture.
+pub(crate) fn is_ktx2(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n")
 }
 
 /// Whether the file starts like a PNG.

@@ -1,13 +1,14 @@
 //! Reading and writing of Canaletto's files: the scene text, models and pictures. Every file that a scene names is
 //! opened through [`assets::Assets`].
 //!
-//! The features `exr`, `gif`, `jpeg`, `png` and `webp` have a codec each, and are on by default. Without its codec a
-//! format is refused by [`codec::CodecOff`], which names the feature. The scene text and models need none of them.
+//! The features `exr`, `gif`, `jpeg`, `ktx2`, `png` and `webp` have a codec each, and are on by default. Without its
+//! codec a format is refused by [`codec::CodecOff`], which names the feature. The scene text and models need none of
+//! them.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 // Helpers of several codecs have no user where those are left out.
 #![cfg_attr(
-    not(all(feature = "exr", feature = "gif", feature = "jpeg", feature = "png", feature = "webp")),
+    not(all(feature = "exr", feature = "gif", feature = "jpeg", feature = "ktx2", feature = "png", feature = "webp")),
     allow(dead_code)
 )]
 

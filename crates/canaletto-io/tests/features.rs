@@ -39,6 +39,13 @@ fn files_are_refused_by_name() {
 }
 
 #[test]
+fn textures_in_ktx2_are_refused_by_name() {
+    let asset = Asset { path: AssetPath::base(), bytes: b"\xabKTX 20\xbb\r\n\x1a\n".to_vec() };
+    let told = read_image(&asset).unwrap_err().to_string();
+    assert_eq!(names_feature(&told, "ktx2"), !cfg!(feature = "ktx2"), "{told}");
+}
+
+#[test]
 fn pictures_and_films_are_refused_by_name() {
     let (picture, image) = (Picture::new(2, 2), Image::from_rgb(2, 2, [[0.5; 3]; 4].into_iter()));
     let (settings, developing) = (EncodeSettings::default(), Developing::default());

@@ -15,6 +15,8 @@ pub(crate) mod exr;
 pub(crate) mod hdr;
 #[cfg(feature = "jpeg")]
 mod jpeg;
+#[cfg(feature = "ktx2")]
+mod ktx2;
 #[cfg(feature = "png")]
 pub(crate) mod png;
 #[cfg(test)]
@@ -196,7 +198,7 @@ struct ImageFormat {
 type ReadImage = fn(&[u8]) -> Result<(Image, u64), ImageError>;
 
 /// All formats, in the order of messages.
-static FORMATS: [ImageFormat; 5] = [
+static FORMATS: [ImageFormat; 6] = [
     #[cfg(feature = "png")]
     png::IMAGE,
     #[cfg(not(feature = "png"))]
@@ -214,6 +216,10 @@ static FORMATS: [ImageFormat; 5] = [
     webp::IMAGE,
     #[cfg(not(feature = "webp"))]
     without(crate::codec::WEBP, crate::codec::is_webp),
+    #[cfg(feature = "ktx2")]
+    ktx2::IMAGE,
+    #[cfg(not(feature = "ktx2"))]
+    without(crate::codec::KTX2, crate::codec::is_ktx2),
 ];
 
 /// A format without its codec.

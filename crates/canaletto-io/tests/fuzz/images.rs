@@ -1,4 +1,4 @@
-//! Pictures: PNG, EXR, JPEG, Radiance HDR and WebP as textures; PNG and EXR also as pictures for comparison.
+//! Pictures: PNG, EXR, JPEG, Radiance HDR, WebP and KTX2 as textures; PNG and EXR also as pictures for comparison.
 
 use crate::mutate::{Outcome, bounded, run};
 use canaletto::scene::Transfer;
@@ -134,6 +134,17 @@ fn webp() {
         include_bytes!("seeds/animated.webp"),
     ];
     run("webp", &seeds.map(<[u8]>::to_vec), 400, |_| (), read);
+}
+
+#[test]
+fn ktx2() {
+    let seeds = [
+        &include_bytes!("seeds/etc1s.ktx2")[..],
+        include_bytes!("seeds/etc1s-alpha.ktx2"),
+        include_bytes!("seeds/uastc.ktx2"),
+        include_bytes!("seeds/uastc-zstd-alpha.ktx2"),
+    ];
+    run("ktx2", &seeds.map(<[u8]>::to_vec), 400, |_| (), read);
 }
 
 #[test]
