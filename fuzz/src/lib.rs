@@ -4,7 +4,7 @@
 use canaletto::integrator::radiosity::RadiositySolution;
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
 use canaletto_io::image::read_image;
-use canaletto_io::import::{CloudFormat, load, read_cylinders, read_spheres};
+use canaletto_io::import::{CloudFormat, Staging, load, read_cylinders, read_spheres};
 use canaletto_io::picture::{PictureFormat, decode};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::{SceneDocument, read_scene_text};
@@ -31,7 +31,7 @@ pub fn materials(data: &[u8]) {
 }
 
 fn whole(name: &str, assets: &MemoryAssets) {
-    match load(name, assets) {
+    match load(name, assets, &Staging::default()) {
         Ok((scene, _)) => scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used")),
         Err(errors) => drop(errors.to_string()),
     }

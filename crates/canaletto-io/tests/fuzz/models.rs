@@ -1,8 +1,8 @@
-//! Models: OBJ files and their MTL files.
+//! Models: glTF, OBJ files and their MTL files.
 
 use crate::mutate::{Outcome, Random, bounded, run};
 use canaletto_io::assets::MemoryAssets;
-use canaletto_io::import::load;
+use canaletto_io::import::{Staging, load};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -108,7 +108,7 @@ fn reworded(bytes: &mut Vec<u8>) {
 
 fn read(obj: &[u8], mtl: &[u8]) -> Outcome {
     let assets = MemoryAssets::new().with("a.obj", obj).with("a.mtl", mtl).with("b c.mtl", mtl);
-    match load("a.obj", &assets) {
+    match load("a.obj", &assets, &Staging::default()) {
         Ok((scene, warnings)) => {
             scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
             scene.materials.iter().for_each(|material| material.check().expect("a material that can be used"));
@@ -164,4 +164,67 @@ fn models_that_repeat_are_read_in_time() {
     for line in ["newmtl a\n", "map_Kd a.png\n", "Kd x\n", "Tr 1\n", "word\n", "newmtl a\nmap_Kd a.png\nKd 300 0 0\n"] {
         bounded(line.trim(), format!("newmtl m\n{}", line.repeat(10_000)).as_bytes(), |bytes| read(OBJ, bytes));
     }
+}
+
+/// Numbers that are difficult for readers of JSON.
+const ODD_NUMBERS: [&str; 16] = [
+    "0",
+    "1",
+    "2",
+    "3",
+    "4",
+    "5123",
+    "5125",
+    "5126",
+    "-1",
+    "65535",
+    "4294967295",
+    "4294967296",
+    "18446744073709551615",
+    "1e308",
+    "0.5",
+    "null",
+];
+
+/// Replaces numbers of a GLB's JSON, as the bytes select, and corrects the container's lengths.
+fn renumbered(bytes: &mut Vec<u8>) {
+    let word =
+        |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    let Some(length) = word(bytes, 12).filter(|length| 20 + length <= bytes.len()) else { return };
+    let mut random = Random(bytes.iter().fold(7, |hash: u64, b| (hash ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)));
+    let mut json = bytes[20..20 + length].to_vec();
+    for _ in 0..1 + random.below(4) {
+        let at = random.below(json.len().max(1));
+        let is_part = |b: &u8| b.is_ascii_digit() || matches!(b, b'-' | b'.');
+        let Some(start) = json[at.min(json.len())..].iter().position(is_part).map(|i| at + i) else { continue };
+        let end = json[start..].iter().position(|b| !is_part(b)).map_or(json.len(), |i| start + i);
+        json.splice(start..end, ODD_NUMBERS[random.below(ODD_NUMBERS.len())].bytes());
+    }
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let rest = bytes[20 + length..].to_vec();
+    bytes.truncate(12);
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(json);
+    bytes.extend(rest);
+    let length = (bytes.len() as u32).to_le_bytes();
+    bytes[8..12].copy_from_slice(&length);
+}
+
+#[test]
+fn gltf() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds/gltf");
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder).expect("seeds").map(|e| e.expect("an entry").path()).collect();
+    paths.sort();
+    let all: Vec<Vec<u8>> = paths.iter().map(|path| fs::read(path).expect("a file")).collect();
+    run("gltf", &all, 600, renumbered, |bytes| {
+        if let Ok((scene, warnings)) = load("a.glb", &MemoryAssets::new().with("a.glb", bytes), &Staging::default()) {
+            scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
+            scene.spheres.iter().for_each(|cloud| cloud.check().expect("spheres that can be used"));
+            scene.cylinders.iter().for_each(|cloud| cloud.check().expect("cylinders that can be used"));
+            scene.materials.iter().for_each(|material| material.check().expect("a material that can be used"));
+            assert!(warnings.len() < 100, "{} warnings", warnings.len());
+        }
+        Outcome::Ordinary
+    });
 }

@@ -2,7 +2,7 @@
 
 use crate::mutate::{Outcome, run};
 use canaletto_io::assets::{Asset, AssetPath, MemoryAssets};
-use canaletto_io::import::{CloudFormat, load, read_cylinders, read_spheres};
+use canaletto_io::import::{CloudFormat, Staging, load, read_cylinders, read_spheres};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::SceneDocument;
 
@@ -12,7 +12,7 @@ fn seeds<const N: usize>(texts: [&str; N]) -> Vec<Vec<u8>> {
 
 /// Reads a model as a scene; its meshes must be valid.
 fn model(name: &str, bytes: &[u8]) -> Outcome {
-    if let Ok((scene, _)) = load(name, &MemoryAssets::new().with(name, bytes.to_vec())) {
+    if let Ok((scene, _)) = load(name, &MemoryAssets::new().with(name, bytes.to_vec()), &Staging::default()) {
         scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
     }
     Outcome::Ordinary

@@ -1,0 +1,274 @@
+//! Accessors: typed elements of buffer views (glTF 2.0, 3.6.2). All bytes of meshes pass through here: bounds, strides,
+//! counts and overflow are checked once.
+
+use super::buffers::{Buffers, ViewBytes};
+use super::fault::{Fault, named};
+use super::schema::{AccessorInfo, Document, Index, Sparse};
+use std::cell::Cell;
+
+/// A component type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn of(code: u32) -> Option<Component> {
+        Some(match code {
+            5120 => Component::I8,
+            5121 => Component::U8,
+            5122 => Component::I16,
+            5123 => Component::U16,
+            5125 => Component::U32,
+            5126 => Component::F32,
+            _ => return None,
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Component::I8 | Component::U8 => 1,
+            Component::I16 | Component::U16 => 2,
+            Component::U32 | Component::F32 => 4,
+        }
+    }
+
+    /// The number at the start of `bytes`, which are enough; normalized as in 3.11.
+    fn number(self, bytes: &[u8], normalized: bool) -> f32 {
+        let two = || [bytes[0], bytes[1]];
+        let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];
+        let (value, most) = match self {
+            Component::I8 => (f32::from(bytes[0] as i8), 127.0),
+            Component::U8 => (f32::from(bytes[0]), 255.0),
+            Component::I16 => (f32::from(i16::from_le_bytes(two())), 32767.0),
+            Component::U16 => (f32::from(u16::from_le_bytes(two())), 65535.0),
+            Component::U32 => return u32::from_le_bytes(four()) as f32,
+            Component::F32 => return f32::from_le_bytes(four()),
+        };
+        if normalized { (value / most).max(-1.0) } else { value }
+    }
+
+    /// The whole number at the start of `bytes`, which are enough. None of types that aren't whole and without a sign.
+    fn whole(self, bytes: &[u8]) -> Option<u32> {
+        Some(match self {
+            Component::U8 => bytes[0].into(),
+            Component::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+            Component::U32 => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+            Component::I8 | Component::I16 | Component::F32 => return None,
+        })
+    }
+}
+
+/// The form of an element: its columns and rows.
+fn shape(kind: &str) -> Option<[usize; 2]> {
+    Some(match kind {
+        "SCALAR" => [1, 1],
+        "VEC2" => [1, 2],
+        "VEC3" => [1, 3],
+        "VEC4" => [1, 4],
+        "MAT2" => [2, 2],
+        "MAT3" => [3, 3],
+        "MAT4" => [4, 4],
+        _ => return None,
+    })
+}
+
+/// The elements that may have no bytes in a file: those of accessors without a buffer view, which are 0.
+const MOST_ZEROS: usize = 1 << 24;
+
+/// The readers of a document's accessors.
+pub(super) struct Accessors<'a> {
+    pub(super) document: &'a Document,
+    pub(super) buffers: &'a Buffers<'a>,
+    /// The elements without bytes so far.
+    zeros: Cell<usize>,
+}
+
+/// A checked accessor: the bytes of its elements, and how they are read.
+struct Elements<'a> {
+    info: &'a AccessorInfo,
+    component: Component,
+    columns: usize,
+    rows: usize,
+    /// The distance between columns, each of which starts at a multiple of 4 bytes.
+    column: usize,
+    stride: usize,
+    /// The bytes from the first element on; none for zeros.
+    bytes: Option<&'a [u8]>,
+}
+
+impl<'a> Accessors<'a> {
+    pub(super) fn new(document: &'a Document, buffers: &'a Buffers<'a>) -> Accessors<'a> {
+        Accessors { document, buffers, zeros: Cell::new(0) }
+    }
+
+    /// The number of elements of an accessor.
+    pub(super) fn count(&self, index: Index) -> Result<usize, Fault> {
+        Ok(named(&self.document.accessors, index, "accessor")?.count)
+    }
+
+    /// The number of components of an accessor's elements.
+    pub(super) fn width(&self, index: Index) -> Result<usize, Fault> {
+        let info = named(&self.document.accessors, index, "accessor")?;
+        Ok(shape(&info.kind).map_or(0, |[columns, rows]| columns * rows))
+    }
+
+    /// Elements of `N` numbers. Integers are converted, and normalized if the accessor says so.
+    pub(super) fn numbers<const N: usize>(&self, index: Index) -> Result<Vec<[f32; N]>, Fault> {
+        self.read(index, N, |component, normalized, bytes| Some(component.number(bytes, normalized)), 0.0)
+    }
+
+    /// Elements of `N` whole numbers without a sign.
+    pub(super) fn whole<const N: usize>(&self, index: Index) -> Result<Vec<[u32; N]>, Fault> {
+        self.read(index, N, |component, _, bytes| component.whole(bytes), 0)
+    }
+
+    fn read<const N: usize, T: Copy>(
+        &self,
+        index: Index,
+        width: usize,
+        number: impl Fn(Component, bool, &[u8]) -> Option<T>,
+        zero: T,
+    ) -> Result<Vec<[T; N]>, Fault> {
+        let info = named(&self.document.accessors, index, "accessor")?;
+        let read = || {
+            let elements = self.elements(info)?;
+            if elements.columns * elements.rows != width {
+                return Err(
+                    Fault::new(format!("is {:?}, whose elements don't have {width} numbers", info.kind)).at("/type")
+                );
+            }
+            let mut all = match elements.bytes {
+                None => vec![[zero; N]; info.count],
+                Some(bytes) => (0..info.count)
+                    .map(|i| elements.element(&bytes[i * elements.stride..], &number))
+                    .collect::<Option<Vec<_>>>()
+                    .ok_or_else(|| not_whole(info))?,
+            };
+            if let Some(sparse) = &info.sparse {
+                self.replace(&elements, sparse, &number, &mut all).map_err(|fault| fault.at_if_bare("/sparse"))?;
+            }
+            Ok(all)
+        };
+        read().map_err(|fault| fault.at_if_relative(&format!("/accessors/{index}")))
+    }
+
+    fn elements(&self, info: &'a AccessorInfo) -> Result<Elements<'a>, Fault> {
+        let Some(component) = Component::of(info.component_type) else {
+            let message = format!("is {}; component types are 5120 to 5123, 5125 and 5126", info.component_type);
+            return Err(Fault::new(message).at("/componentType"));
+        };
+        let Some([columns, rows]) = shape(&info.kind) else {
+            let message = format!("is {:?}; types are SCALAR, VEC2 to VEC4 and MAT2 to MAT4", info.kind);
+            return Err(Fault::new(message).at("/type"));
+        };
+        if info.count == 0 {
+            return Err(Fault::new("is 0; an accessor has at least one element").at("/count"));
+        }
+        let column = match columns {
+            1 => component.size() * rows,
+            _ => (component.size() * rows).next_multiple_of(4),
+        };
+        let size = column * (columns - 1) + component.size() * rows;
+        let Some(view) = info.buffer_view else {
+            let zeros = self.zeros.get().saturating_add(info.count);
+            self.zeros.set(zeros);
+            if zeros > MOST_ZEROS {
+                let message =
+                    format!("is {}, without a buffer view: at most {MOST_ZEROS} elements are zeros", info.count);
+                return Err(Fault::new(message).at("/count"));
+            }
+            return Ok(Elements { info, component, columns, rows, column, stride: size, bytes: None });
+        };
+        let ViewBytes { bytes, stride } = self.buffers.view(view)?;
+        let stride = stride.unwrap_or(size);
+        if stride < size {
+            let message =
+                format!("its elements of {size} bytes don't fit the byteStride {stride} of buffer view {view}");
+            return Err(Fault::new(message));
+        }
+        let bytes = within(bytes, info.byte_offset, stride, size, info.count)?;
+        Ok(Elements { info, component, columns, rows, column, stride, bytes: Some(bytes) })
+    }
+
+    /// Puts sparse values in their places.
+    fn replace<const N: usize, T: Copy>(
+        &self,
+        elements: &Elements,
+        sparse: &Sparse,
+        number: &impl Fn(Component, bool, &[u8]) -> Option<T>,
+        all: &mut [[T; N]],
+    ) -> Result<(), Fault> {
+        let indices = &sparse.indices;
+        let component =
+            Component::of(indices.component_type).filter(|c| c.whole(&[0; 4]).is_some()).ok_or_else(|| {
+                let message = format!("is {}; indices are 5121, 5123 or 5125", indices.component_type);
+                Fault::new(message).at("/sparse/indices/componentType")
+            })?;
+        if sparse.count == 0 || sparse.count > all.len() {
+            let message = format!("is {}; it must be 1 to {}, the count of the accessor", sparse.count, all.len());
+            return Err(Fault::new(message).at("/sparse/count"));
+        }
+        let size = component.size();
+        let places = self.buffers.view(indices.buffer_view)?.bytes;
+        let places = within(places, indices.byte_offset, size, size, sparse.count)
+            .map_err(|fault| fault.at("/sparse/indices"))?;
+        let values = self.buffers.view(sparse.values.buffer_view)?.bytes;
+        // Sparse values are tightly packed.
+        let stride = elements.column * (elements.columns - 1) + elements.component.size() * elements.rows;
+        let values = within(values, sparse.values.byte_offset, stride, stride, sparse.count)
+            .map_err(|fault| fault.at("/sparse/values"))?;
+        let count = all.len();
+        for i in 0..sparse.count {
+            let place = component.whole(&places[i * size..]).unwrap_or(0);
+            let element = all.get_mut(place as usize).ok_or_else(|| {
+                let message = format!("index {i} is {place}, but the accessor has {count} elements");
+                Fault::new(message).at("/sparse/indices")
+            })?;
+            *element = elements.element(&values[i * stride..], number).ok_or_else(|| not_whole(elements.info))?;
+        }
+        Ok(())
+    }
+}
+
+impl Elements<'_> {
+    /// The element at the start of `bytes`.
+    fn element<const N: usize, T: Copy>(
+        &self,
+        bytes: &[u8],
+        number: &impl Fn(Component, bool, &[u8]) -> Option<T>,
+    ) -> Option<[T; N]> {
+        let mut element = [number(self.component, self.info.normalized, bytes)?; N];
+        for (k, slot) in element.iter_mut().enumerate() {
+            let at = k / self.rows * self.column + k % self.rows * self.component.size();
+            *slot = number(self.component, self.info.normalized, &bytes[at..])?;
+        }
+        Some(element)
+    }
+}
+
+fn not_whole(info: &AccessorInfo) -> Fault {
+    let message = format!("is {}; whole numbers without a sign are needed: 5121, 5123 or 5125", info.component_type);
+    Fault::new(message).at("/componentType")
+}
+
+/// The bytes of `count` elements of `size` bytes, one each `stride`, from an offset on.
+fn within(bytes: &[u8], offset: usize, stride: usize, size: usize, count: usize) -> Result<&[u8], Fault> {
+    let needed =
+        (count - 1).checked_mul(stride).and_then(|last| last.checked_add(size)).and_then(|n| n.checked_add(offset));
+    match needed {
+        Some(needed) if needed <= bytes.len() => Ok(&bytes[offset..needed]),
+        _ => {
+            let message = format!(
+                "{count} elements of {size} bytes at byteOffset {offset} go beyond the {} bytes of its buffer view",
+                bytes.len()
+            );
+            Err(Fault::new(message))
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Buffers and buffer views: bytes of the binary chunk, of data URIs and of other files, compressed or not.
+
+use super::fault::{Fault, named};
+use super::meshopt;
+use super::schema::{CompressedView, Document, Index};
+use crate::assets::{AssetError, AssetPath, Assets};
+use base64::Engine;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use std::borrow::Cow;
+use std::cell::{Cell, OnceCell};
+
+/// The bytes that a document refers to. Each buffer is read once, when it is first needed.
+pub(super) struct Buffers<'a> {
+    document: &'a Document,
+    binary_chunk: Option<&'a [u8]>,
+    files: Files<'a>,
+    buffers: Vec<OnceCell<Result<Cow<'a, [u8]>, Fault>>>,
+    /// The decoded bytes of compressed views.
+    decoded: Vec<OnceCell<Result<Vec<u8>, Fault>>>,
+    /// The bytes that each buffer's compressed views decode to, of those that were needed so far.
+    decoded_sizes: Vec<Cell<usize>>,
+}
+
+/// The files beside a document.
+#[derive(Clone, Copy)]
+pub(super) struct Files<'a> {
+    pub(super) assets: &'a dyn Assets,
+    pub(super) from: &'a AssetPath,
+}
+
+/// The bytes of a buffer view.
+#[derive(Clone, Copy)]
+pub(super) struct ViewBytes<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) stride: Option<usize>,
+}
+
+impl<'a> Buffers<'a> {
+    pub(super) fn new(document: &'a Document, binary_chunk: Option<&'a [u8]>, files: Files<'a>) -> Buffers<'a> {
+        let buffers = document.buffers.iter().map(|_| OnceCell::new()).collect();
+        let decoded = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
+        let decoded_sizes = document.buffers.iter().map(|_| Cell::new(0)).collect();
+        Buffers { document, binary_chunk, files, buffers, decoded, decoded_sizes }
+    }
+
+    pub(super) fn files(&self) -> Files<'a> {
+        self.files
+    }
+
+    /// The bytes of a buffer view.
+    pub(super) fn view(&self, index: Index) -> Result<ViewBytes<'_>, Fault> {
+        let view = named(&self.document.buffer_views, index, "buffer view")?;
+        let place = format!("/bufferViews/{index}");
+        let bytes = match view.extensions.compressed() {
+            Some((compressed, name)) => {
+                let decoded = self.decoded[index as usize].get_or_init(|| {
+                    let place = format!("{place}/extensions/{name}");
+                    self.decode(compressed).map_err(|fault| fault.at_if_relative(&place))
+                });
+                decoded.as_deref().map_err(Clone::clone)?
+            }
+            None => {
+                let range = self.range(view.buffer, view.byte_offset, view.byte_length);
+                range.map_err(|fault| fault.at_if_relative(&place))?
+            }
+        };
+        if let Some(stride) = view.byte_stride.filter(|stride| !(4..=252).contains(stride) || stride % 4 != 0) {
+            let message = format!("is {stride}; it must be a multiple of 4 from 4 to 252");
+            return Err(Fault::new(message).at(format!("{place}/byteStride")));
+        }
+        Ok(ViewBytes { bytes, stride: view.byte_stride })
+    }
+
+    /// Bytes of a buffer.
+    fn range(&self, buffer: Index, offset: usize, length: usize) -> Result<&[u8], Fault> {
+        let buffer = self.buffer(buffer).map_err(|fault| fault.at_if_bare("/buffer"))?;
+        offset.checked_add(length).and_then(|end| buffer.get(offset..end)).ok_or_else(|| {
+            let size = buffer.len();
+            Fault::new(format!("byteOffset {offset} and byteLength {length} go beyond the {size} bytes of its buffer"))
+        })
+    }
+
+    /// The bytes of a compressed view. Its own buffer, the fallback, isn't read.
+    fn decode(&self, view: &CompressedView) -> Result<Vec<u8>, Fault> {
+        let bytes = self.range(view.buffer, view.byte_offset, view.byte_length)?;
+        let sum = &self.decoded_sizes[view.buffer as usize];
+        sum.set(sum.get().saturating_add(view.count.saturating_mul(view.byte_stride)));
+        // Views that share bytes would fill the memory out of a small file.
+        if sum.get() >= self.buffer(view.buffer)?.len().saturating_mul(meshopt::MOST_PER_BYTE) {
+            let (index, count) = (view.buffer, view.count);
+            let message =
+                format!("is {count}: the compressed views of buffer {index} have more than its bytes can hold");
+            return Err(Fault::new(message).at("/count"));
+        }
+        meshopt::decode(view, bytes)
+    }
+
+    /// The number of bytes that were read or decoded so far.
+    pub(super) fn size(&self) -> usize {
+        let read = self.buffers.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
+        let decoded = self.decoded.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
+        read.chain(decoded).fold(0, usize::saturating_add)
+    }
+
+    fn buffer(&self, index: Index) -> Result<&[u8], Fault> {
+        let cell = self
+            .buffers
+            .get(index as usize)
+            .ok_or_else(|| Fault::missing("buffer", index, self.document.buffers.len()))?;
+        let read = cell.get_or_init(|| self.read(index).map_err(|fault| fault.at(format!("/buffers/{index}"))));
+        read.as_deref().map_err(Clone::clone)
+    }
+
+    fn read(&self, index: Index) -> Result<Cow<'a, [u8]>, Fault> {
+        let buffer = &self.document.buffers[index as usize];
+        let bytes = match &buffer.uri {
+            Some(uri) => self.files.bytes(uri).map_err(|fault| fault.at("/uri"))?,
+            None if index == 0 => {
+                let chunk = self
+                    .binary_chunk
+                    .ok_or_else(|| Fault::new("it has no uri, and there is no binary chunk to hold its bytes"))?;
+                Cow::Borrowed(chunk)
+            }
+            None => return Err(Fault::new("it has no uri, though only the first buffer may be the binary chunk")),
+        };
+        if bytes.len() < buffer.byte_length {
+            let message = format!("is {}, but there are {} bytes only", buffer.byte_length, bytes.len());
+            return Err(Fault::new(message).at("/byteLength").help("the file may have been cut off"));
+        }
+        let length = buffer.byte_length;
+        Ok(match bytes {
+            Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..length]),
+            Cow::Owned(mut bytes) => {
+                bytes.truncate(length);
+                Cow::Owned(bytes)
+            }
+        })
+    }
+}
+
+impl Files<'_> {
+    /// The bytes of a URI: those that it holds, or those of a file beside the document.
+    pub(super) fn bytes<'b>(&self, uri: &str) -> Result<Cow<'b, [u8]>, Fault> {
+        match data(uri) {
+            Some(bytes) => bytes.map(Cow::Owned),
+            None => Ok(Cow::Owned(self.file(uri)?.bytes)),
+        }
+    }
+
+    /// The file that a URI names.
+    pub(super) fn file(&self, uri: &str) -> Result<crate::assets::Asset, Fault> {
+        let path = file_name(uri)?;
+        self.assets.read(&path, self.from).map_err(|error| of_asset(&error))
+    }
+}
+
+fn of_asset(error: &AssetError) -> Fault {
+    let fault = Fault::new(error.to_string());
+    match error.help() {
+        Some(help) => fault.help(help),
+        None => fault,
+    }
+}
+
+/// The path that a relative URI reference (RFC 3986) names.
+fn file_name(uri: &str) -> Result<String, Fault> {
+    let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
+    let is_scheme = |word: &str| {
+        word.len() > 1
+            && word.starts_with(|c: char| c.is_ascii_alphabetic())
+            && word.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'-' | b'.'))
+    };
+    if let Some(scheme) = scheme.filter(|scheme| is_scheme(scheme)) {
+        let message = format!("{:?} isn't read: its scheme is {scheme}", shortened(uri));
+        return Err(Fault::new(message).help("files beside the model are read, and data: URIs; nothing is downloaded"));
+    }
+    percent_decoded(uri)
+        .ok_or_else(|| Fault::new(format!("{:?} has a percent sign that no character follows", shortened(uri))))
+}
+
+fn shortened(uri: &str) -> String {
+    uri.chars().take(80).collect()
+}
+
+/// The text with its percent-encoded bytes decoded (RFC 3986, 2.1).
+fn percent_decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&byte, after)) = rest.split_first() {
+        if byte != b'%' {
+            bytes.push(byte);
+            rest = after;
+            continue;
+        }
+        let digits = after.get(..2).and_then(|digits| std::str::from_utf8(digits).ok())?;
+        bytes.push(u8::from_str_radix(digits, 16).ok()?);
+        rest = &after[2..];
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Base64 with padding or without.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// The bytes of a data URI (RFC 2397); none if it isn't one.
+fn data(uri: &str) -> Option<Result<Vec<u8>, Fault>> {
+    let start = uri.get(..5)?;
+    if !start.eq_ignore_ascii_case("data:") {
+        return None;
+    }
+    let damaged = |why: &str| Fault::new(format!("the data URI is damaged: {why}"));
+    let Some((kind, data)) = uri[5..].split_once(',') else { return Some(Err(damaged("it has no comma"))) };
+    if kind.rsplit(';').next().is_some_and(|word| word.trim().eq_ignore_ascii_case("base64")) {
+        return Some(BASE64.decode(data.trim_ascii()).map_err(|e| damaged(&e.to_string())));
+    }
+    Some(percent_decoded(data).map(String::into_bytes).ok_or_else(|| damaged("a percent sign is alone")))
+}
