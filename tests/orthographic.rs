@@ -63,8 +63,8 @@ fn a_balls_outline_has_its_radius_at_every_distance() {
     }
 }
 
-/// The plane through the eye cuts a glass ball, and the eye is beside it. Rays that start in glass don't see the drop of
-/// water that the glass fills, and leave glass. Others miss the ball and see their own drop.
+/// The plane through the eye cuts a glass ball, and the eye is beside it. Rays that start in glass don't see the drop
+/// of water that the glass fills, and leave glass. Others miss the ball and see their own drop.
 #[test]
 fn each_ray_starts_in_its_own_bodies() {
     let clear = |eta: f32, priority: f32| {

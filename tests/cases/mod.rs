@@ -7,3 +7,4 @@ mod media;
 mod models;
 mod points;
 mod precision;
+mod staged;

@@ -31,7 +31,8 @@ fn model(file: &str) -> (Fragment, String) {
 
 /// The picture of `canaletto render FILE`, at a small size.
 fn picture(file: &str) -> Vec<Rgb> {
-    let (mut scene, _) = import::load(file, &folder()).unwrap_or_else(|errors| panic!("{errors}"));
+    let (mut scene, _) =
+        import::load(file, &folder(), &import::Staging::classic()).unwrap_or_else(|errors| panic!("{errors}"));
     (scene.views[0].intrinsics.width, scene.views[0].intrinsics.height) = (96, 72);
     pixels(scene)
 }
@@ -172,7 +173,7 @@ mod normals {
         // `s off` gives flat faces. A model alone would otherwise be smooth except at creases.
         let (off, warnings) = model("smoothing-off.obj");
         assert!(warnings.is_empty() && off.meshes[0].normals.is_empty());
-        let (scene, _) = import::load("smoothing-off.obj", &folder()).unwrap();
+        let (scene, _) = import::load("smoothing-off.obj", &folder(), &import::Staging::classic()).unwrap();
         assert!(scene.meshes[0].normals.is_empty());
     }
 
@@ -206,7 +207,7 @@ mod coordinates {
     fn what_has_no_area_is_an_error() {
         for file in ["single-point.obj", "line.obj"] {
             let wanted = "nothing in it has an area: 1 triangles, whose corners lie on a line or at one place";
-            let alone = import::load(file, &folder()).unwrap_err().to_string();
+            let alone = import::load(file, &folder(), &import::Staging::classic()).unwrap_err().to_string();
             assert!(alone.contains(&format!("{file}: error: {wanted}\n")), "{alone}");
             let text = format!("mesh file=\"{file}\"\n");
             let bytes = fs::read(root().join("tests/cases/models").join(file)).unwrap();

@@ -8,7 +8,7 @@ use canaletto::shape::{Mesh, Shape, Sphere, SphereCloud};
 use canaletto::world::World;
 use canaletto_io::assets::MemoryAssets;
 use canaletto_io::diagnostic::Diagnostics;
-use canaletto_io::import::load;
+use canaletto_io::import::{Staging, load};
 use canaletto_io::source::SceneSource;
 use canaletto_io::text::{SceneDocument, read_scene};
 use glam::{DVec3, Vec3};
@@ -37,7 +37,7 @@ fn assets() -> MemoryAssets {
 
 /// A model alone, and its messages.
 fn model(name: &str) -> (Scene, String) {
-    let (scene, said) = load(name, &assets()).unwrap_or_else(|errors| panic!("{errors}"));
+    let (scene, said) = load(name, &assets(), &Staging::classic()).unwrap_or_else(|errors| panic!("{errors}"));
     (scene, said.to_string())
 }
 
@@ -130,7 +130,7 @@ fn corners_of_faces_have_texture_coordinates() {
 #[test]
 fn headers_of_every_habit_are_read() {
     let plain = text_of("bom.ply").trim_start_matches('\u{feff}').to_owned();
-    let expected = load("a.ply", &MemoryAssets::new().with("a.ply", plain)).unwrap().0;
+    let expected = load("a.ply", &MemoryAssets::new().with("a.ply", plain), &Staging::classic()).unwrap().0;
     for name in ["header-space.ply", "bom.ply"] {
         assert_eq!((&mesh(&model(name).0).positions, model(name).1), (&mesh(&expected).positions, String::new()));
     }
@@ -141,7 +141,7 @@ fn colours_are_those_of_bytes_or_it_is_said_what_was_assumed() {
     let bytes = text_of("int.ply").replace("property int red", "property uchar red");
     let bytes =
         bytes.replace("property int green", "property uchar green").replace("property int blue", "property uchar blue");
-    let expected = load("a.ply", &MemoryAssets::new().with("a.ply", bytes)).unwrap().0;
+    let expected = load("a.ply", &MemoryAssets::new().with("a.ply", bytes), &Staging::classic()).unwrap().0;
     for (name, kind) in [("int.ply", "whole numbers"), ("ushort255.ply", "16-bit numbers")] {
         let (scene, said) = model(name);
         assert_eq!(mesh(&scene).colors, mesh(&expected).colors);

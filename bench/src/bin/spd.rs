@@ -73,7 +73,8 @@ fn beside(ours: u64, published: u64) -> String {
 
 fn count(path: &Path) -> Result<RayCounts, String> {
     let (assets, name) = FolderAssets::beside(path).map_err(|e| e.to_string())?;
-    let (mut scene, _) = canaletto_io::import::load(&name, &assets).map_err(|diagnostics| diagnostics.to_string())?;
+    let (mut scene, _) = canaletto_io::import::load(&name, &assets, &canaletto_io::import::Staging::classic())
+        .map_err(|diagnostics| diagnostics.to_string())?;
     for material in &mut scene.materials {
         if let Some(phong) = material.model.phong_mut().filter(|phong| phong.opacity < 1.0 && phong.k.is_black()) {
             phong.k = Rgb::gray(f32::MIN_POSITIVE);

@@ -73,7 +73,11 @@ impl Stage {
 /// Reads the scene in a file.
 pub fn load(path: &Path) -> Result<Scene, String> {
     let (assets, name) = FolderAssets::beside(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let scene = if name.ends_with(".kdl") { text::read_scene(&name, &assets) } else { import::load(&name, &assets) };
+    let scene = if name.ends_with(".kdl") {
+        text::read_scene(&name, &assets)
+    } else {
+        import::load(&name, &assets, &import::Staging::classic())
+    };
     scene.map(|(scene, _)| scene).map_err(|diagnostics| diagnostics.to_string())
 }
 

@@ -13,6 +13,7 @@ use canaletto_io::diagnostic::word_list;
 use canaletto_io::picture::Image;
 use canaletto_oidn::{Oidn, OidnPicture};
 use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::env;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -29,6 +30,20 @@ pub(crate) enum Denoiser {
     Good,
     /// Intel's Open Image Denoise, from the folder that the variable OIDN_DIR names
     Oidn,
+}
+
+/// The value of --denoise: a denoiser, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct DenoiseFlag(pub(crate) Option<Denoiser>);
+
+/// The word for no denoiser.
+const NONE: &str = "none";
+
+/// The parser of --denoise.
+pub(crate) fn denoise_flag() -> impl TypedValueParser<Value = DenoiseFlag> {
+    let none = PossibleValue::new(NONE).help("The picture keeps its noise");
+    let words = Denoiser::value_variants().iter().filter_map(Denoiser::to_possible_value).chain([none]);
+    PossibleValuesParser::new(words).map(|word| DenoiseFlag(Denoiser::from_str(&word, false).ok()))
 }
 
 /// The variable that names the folder of Open Image Denoise.

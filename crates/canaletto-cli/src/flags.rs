@@ -1,14 +1,17 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
 use crate::failure::print_diagnostics;
+use crate::model::is_model;
 use crate::progress::{ProgressFlag, Style};
 use crate::watch::ReadLog;
 use canaletto::Named;
 use canaletto::camera::Camera;
+use canaletto::material::{PRESETS, Preset, StandardSurface};
 use canaletto::scene::{Exposure, Integrator, SamplePattern, SamplerKind, Sampling, Stage, Tone, Transfer};
 use canaletto::world::{BuildOptions, Quality};
 use canaletto_io::diagnostic::Diagnostics;
-use canaletto_io::import::FORMATS;
+use canaletto_io::import::{FORMATS, Ground, Moment, PictureQuality, StageLight, Staging, StandardView, UpAxis};
+use canaletto_io::text::color;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -70,6 +73,9 @@ pub(crate) struct SourceFlags {
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = "Scene")]
     pub set: Vec<String>,
 
+    #[command(flatten)]
+    pub staging: StagingFlags,
+
     /// Lets the scene read files outside its own folder
     ///
     /// Use this only for scenes that you trust. Such a scene can name any file that you can read.
@@ -94,6 +100,12 @@ pub(crate) struct SourceFlags {
 }
 
 impl SourceFlags {
+    /// All that changes the scene of the file, as words.
+    pub(crate) fn changes(&self) -> Vec<String> {
+        let staging = self.staging.given().into_iter().map(|(flag, value)| format!("--{flag} {value}"));
+        self.set.iter().cloned().chain(staging).collect()
+    }
+
     /// The options for a world that about this many rays traverse.
     pub(crate) fn build_options(&self, rays: u64) -> BuildOptions {
         let quality = match self.build {
@@ -102,6 +114,135 @@ impl SourceFlags {
         };
         BuildOptions { quality, rays, view: 0 }
     }
+}
+
+/// How a model is shown. Scene texts say it themselves.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub(crate) struct StagingFlags {
+    /// Shows a model from one of these sides, instead of by the file's camera [default of files without one:
+    /// three-quarter]
+    #[arg(long, value_name = "SIDE", value_parser = named::<StandardView>(), help_heading = "Models")]
+    pub view: Option<StandardView>,
+
+    /// Lights a model, instead of the file's lights [default of files without any: studio]
+    #[arg(long, value_name = "LIGHT", value_parser = named::<StageLight>(), help_heading = "Models")]
+    pub light: Option<StageLight>,
+
+    /// Says which axis of a model's file points upwards [default: z in STL files, else y]
+    #[arg(long, value_name = "AXIS", value_parser = named::<UpAxis>(), help_heading = "Models")]
+    pub up: Option<UpAxis>,
+
+    /// Turns a model about the vertical, counter-clockwise seen from above
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = degrees, help_heading = "Models")]
+    pub turn: Option<f64>,
+
+    /// Turns a model once in N frames, which are all rendered unless --frames says which
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000),
+        help_heading = "Models")]
+    pub turntable: Option<u32>,
+
+    /// Gives the objects of a model that have no material a preset of the standard surface, such as gold
+    #[arg(long, value_name = "PRESET", value_parser = PossibleValuesParser::new(PRESETS.iter().map(|row| row.name)),
+        help_heading = "Models")]
+    pub material: Option<String>,
+
+    /// Shows a model at this time of its animation, in seconds; frame 0 of --frames is there
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Models")]
+    pub at: Option<f64>,
+
+    /// Plays this clip of a model's animations [default with --at, --frames or a film: the first]
+    #[arg(long, value_name = "NAME", help_heading = "Models")]
+    pub clip: Option<String>,
+
+    /// Shows a model with this variant of its materials
+    #[arg(long, value_name = "NAME", help_heading = "Models")]
+    pub variant: Option<String>,
+
+    /// Sets what a model stands on: nothing (none), a floor that shows shadows only (shadow), or a floor of a colour,
+    /// such as #808080 or white [default: shadow]
+    #[arg(long, value_name = "GROUND", value_parser = ground, help_heading = "Models")]
+    pub ground: Option<GroundFlag>,
+
+    /// Whether frames play the model's first clip.
+    #[arg(skip)]
+    pub plays: bool,
+
+    /// Sets the samples of a model's picture by paths, and its denoiser [default: good]
+    #[arg(long, value_name = "QUALITY", value_parser = named::<PictureQuality>(), help_heading = "Models")]
+    pub quality: Option<PictureQuality>,
+}
+
+impl StagingFlags {
+    /// The staging that the flags ask for.
+    pub(crate) fn staging(&self) -> Staging {
+        Staging {
+            light: self.light,
+            view: self.view,
+            up: self.up,
+            turn: self.turn.unwrap_or(0.0),
+            turntable: self.turntable,
+            material: self.material.as_deref().and_then(preset),
+            ground: self.ground.as_ref().map(|flag| flag.ground).unwrap_or_default(),
+            moment: (self.at.is_some() || self.clip.is_some())
+                .then(|| Moment { clip: self.clip.clone(), seconds: self.at.unwrap_or(0.0) }),
+            plays: self.plays,
+            variant: self.variant.clone(),
+            quality: self.quality.unwrap_or_default(),
+            ..Staging::default()
+        }
+    }
+
+    /// The flags that are given, each with its value.
+    pub(crate) fn given(&self) -> Vec<(&'static str, String)> {
+        let StagingFlags { view, light, up, turn, turntable, material, at, clip, variant, ground, quality, .. } = self;
+        let all = [
+            ("view", view.map(|view| view.name().to_owned())),
+            ("light", light.map(|light| light.name().to_owned())),
+            ("up", up.map(|up| up.name().to_owned())),
+            ("turn", turn.map(|turn| turn.to_string())),
+            ("turntable", turntable.map(|frames| frames.to_string())),
+            ("material", material.clone()),
+            ("at", at.map(|at| at.to_string())),
+            ("clip", clip.clone()),
+            ("variant", variant.clone()),
+            ("ground", ground.as_ref().map(|ground| ground.word.clone())),
+            ("quality", quality.map(|quality| quality.name().to_owned())),
+        ];
+        all.into_iter().filter_map(|(flag, value)| Some((flag, value?))).collect()
+    }
+}
+
+/// The value of --ground.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GroundFlag {
+    /// The word as given.
+    word: String,
+    ground: Ground,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.strip_suffix('s').unwrap_or(text);
+    let seconds = number.parse().ok().filter(|v: &f64| v.is_finite() && *v >= 0.0);
+    seconds.ok_or_else(|| "write a time in seconds, 0 or more, such as 1.5s".into())
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| "write a number of degrees, such as 30".into())
+}
+
+/// The surface of a preset.
+fn preset(name: &str) -> Option<StandardSurface> {
+    PRESETS.iter().find(|preset| preset.name == name).map(Preset::surface)
+}
+
+fn ground(text: &str) -> Result<GroundFlag, String> {
+    let ground = match text {
+        "none" => Some(Ground::None),
+        "shadow" => Some(Ground::Shadow),
+        word => color(word).map(Ground::Color),
+    };
+    let ground = ground.ok_or("write none, shadow, or a colour such as #808080")?;
+    Ok(GroundFlag { word: text.to_owned(), ground })
 }
 
 /// The quality of BVHs.
@@ -212,6 +353,15 @@ pub(crate) struct PictureFlags {
     /// Sets the transfer curve from linear light to stored numbers; EXR files are always linear
     #[arg(long, value_name = "CURVE", value_parser = named::<Transfer>(), help_heading = "Colour")]
     pub transfer: Option<Transfer>,
+}
+
+impl PictureFlags {
+    /// The integrator that the flags ask for. Stages and shadows that are left out are those of the classic one, which
+    /// isn't that of models.
+    pub(crate) fn integrator_of(&self, source: &SourceFlags) -> Option<Integrator> {
+        let is_classic = (self.stage.is_some() || self.no_shadows) && is_model(&source.scene);
+        self.integrator.or_else(|| is_classic.then(Integrator::default))
+    }
 }
 
 /// The value of --size.

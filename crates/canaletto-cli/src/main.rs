@@ -24,6 +24,7 @@ mod legend;
 mod manual;
 mod memory;
 mod metering;
+mod model;
 mod noise_outlook;
 mod omissions;
 mod output;

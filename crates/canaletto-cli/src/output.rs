@@ -67,6 +67,13 @@ pub(crate) struct OutputFlags {
 }
 
 impl OutputFlags {
+    /// Whether the output is a film, by its format or its name.
+    pub(crate) fn is_film(&self) -> bool {
+        let extension = self.output.as_ref().and_then(|output| output.extension());
+        let by_name = || Format::of_extension(&extension?.to_string_lossy().to_lowercase());
+        self.format.or_else(by_name).is_some_and(|format| format.film().is_some())
+    }
+
     /// The name of the picture of a scene. `stem` is the scene's name; `numbered` says whether the user gave --frames.
     pub(crate) fn default_name(&self, stem: &str, numbered: bool) -> PathBuf {
         let format = self.format.unwrap_or_default();

@@ -16,6 +16,9 @@ use canaletto_io::picture::MAX_PIXELS;
 /// The text entry of a picture that grows because it was asked to.
 pub(crate) const PROGRESSIVE: &str = "progressive";
 
+/// The text entry of a model's staging.
+pub(crate) const MODEL: &str = "model";
+
 /// The text entry of a picture without a background.
 pub(crate) const ALPHA: &str = "alpha";
 
@@ -242,6 +245,10 @@ pub(crate) fn metadata(source: &SourceFlags, settings: &Settings) -> Vec<(String
     texts.push(("seed", seed.to_string()));
     if let Some([x, y, width, height]) = film.crop {
         texts.push(("crop", format!("{x} {y} {width} {height}")));
+    }
+    let staging: Vec<String> = source.staging.given().iter().map(|(flag, value)| format!("{flag}={value}")).collect();
+    if !staging.is_empty() {
+        texts.push((MODEL, staging.join("; ")));
     }
     if !source.set.is_empty() {
         texts.push(("set", source.set.join("; ")));

@@ -5,13 +5,14 @@ use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
 use crate::inputs::InputGuard;
+use crate::model::is_model;
 use crate::watch::ReadLog;
 use canaletto::scene::{Integrator, Scene};
 use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto::{Named, WordHash, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics, closest_word};
-use canaletto_io::import;
+use canaletto_io::import::{self, Staging};
 use canaletto_io::scene_file::{self, OpenError};
 use canaletto_io::source::{SceneSource, Timeline};
 use canaletto_io::text::{MAX_TEXT, SceneDocument};
@@ -74,13 +75,25 @@ impl Reader {
         {
             set.push(format!("integrator.max-depth={depth}"));
         }
-        Reader::open_file(&flags.scene, &set, flags.allow_outside, &flags.log)
+        let reader = Reader::open_file(&flags.scene, &set, &flags.staging.staging(), flags.allow_outside, &flags.log)?;
+        if let Some(flag) = flags.staging.given().first().filter(|_| !is_model(&flags.scene)) {
+            let message = format!("--{}: {} is a scene, which says how it is shown", flag.0, reader.name);
+            return Err(Failure::usage(message).help("the flag is for models; change a scene by --set"));
+        }
+        Ok(reader)
+    }
+
+    /// Opens a scene, or a model with lights for the classic integrators.
+    pub(crate) fn open_classic(flags: &SourceFlags) -> Result<Reader, Failure> {
+        let classic = is_model(&flags.scene).then(Integrator::default);
+        Reader::open(flags, classic, None)
     }
 
     /// Opens a file; `set` changes its values, and `log` notes every file that is read.
     pub(crate) fn open_file(
         path: &Path,
         set: &[String],
+        staging: &Staging,
         allow_outside: bool,
         log: &ReadLog,
     ) -> Result<Reader, Failure> {
@@ -102,7 +115,7 @@ impl Reader {
         let (assets, file) = FolderAssets::beside(path)
             .map_err(|e| Failure::new(Exit::Scene, format!("can't open {name}: {}", reason(&e))))?;
         let assets = RecordingAssets::new(assets.allow_outside(allow_outside), log);
-        let source = scene_file::open(&file, &assets, set).map_err(|error| match error {
+        let source = scene_file::open(&file, &assets, set, staging).map_err(|error| match error {
             OpenError::Mistakes(mistakes) => mistakes.into(),
             OpenError::UnknownFormat => {
                 let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();

@@ -76,14 +76,14 @@ fn an_integrator_is_chosen_before_its_settings() {
 #[test]
 fn models_have_settings_like_scenes() {
     let folder = folder();
-    let set = "--set camera.size=20,10 --set material.red.kd=0,0,1 --set light.key.points=1 --set background=0,0,0";
+    let set = "--set integrator=whitted --set camera.size=20,10 --set material.red.kd=0,0,1 --set light.key.points=1 --set background=0,0,0";
     let mut command = folder.command("render a.obj -q");
     command.args(set.split(' ').map(|word| word.replace(',', " ")));
     says(&command.output().unwrap(), 0, &[]);
     assert_eq!(size(&folder, "a.png"), (20, 10));
     let colors = folder.picture("a.png").image.rgb().unwrap().map(|channel| channel[5 * 20 + 10]);
     assert!(colors[2] > 0.3 && colors[0] < 0.1, "the square is blue, not red: {colors:?}");
-    folder.says("info a.obj --set light.key.intensity=2", 0, &["intensity (2, 2, 2)"]);
+    folder.says("info a.obj --set integrator=whitted --set light.key.intensity=2", 0, &["intensity (2, 2, 2)"]);
     folder.says("render a.obj --set sphere.radius=2", 2, &["a model has no sphere to set", "help: a model has"]);
     folder.says("render a.obj --integrator zbuffer -q --size 5% -o z.png", 0, &[]);
 }
@@ -161,7 +161,9 @@ fn a_picture_tells_how_it_is_made_again() {
         ("s.kdl", "-o z.png --integrator zbuffer --set integrator.shadows=none --set background=1|0|0.5"),
         ("s.kdl", "-o deep.png --bits 16 --stage specular --max-depth 2 --tone scale --transfer none --pattern corner"),
         ("s.kdl", "-o layers.png --aov depth"),
-        ("a.obj", "-o a.png --size 5% --set material.red.kd=0|1|0 --set light.key.points=2"),
+        ("a.obj", "-o a.png --size 5% --set material.red.kd=0|1|0 --set integrator=whitted --set light.key.points=2"),
+        ("a.obj", "-o b.png --size 5% --view front --light neutral --ground none --turn 30 --quality draft"),
+        ("a.obj", "-o c.png --size 5% --samples 4 --denoise=none --ground #808080"),
         ("moves.kdl", "-o m.####.png --frames 1-2 --samples 2"),
         ("moves.kdl", "-o film.png --format apng --frames 0-2"),
     ] {

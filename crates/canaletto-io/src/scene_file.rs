@@ -2,10 +2,11 @@
 
 use crate::assets::{AssetPath, Assets};
 use crate::diagnostic::Diagnostics;
-use crate::import::{self, ModelFormat};
+use crate::import::{self, ModelFormat, Moment, Staging};
 use crate::source::{SceneSource, Timeline};
 use crate::text::{SceneDocument, set_in_model};
-use canaletto::scene::Scene;
+use canaletto::Named;
+use canaletto::scene::{Integrator, PathSettings, Scene};
 
 /// The reasons why a source can't be opened.
 #[derive(Debug)]
@@ -19,14 +20,16 @@ pub enum OpenError {
 /// The extension of scene texts.
 const TEXT_EXTENSION: &str = "kdl";
 
-/// Opens a scene file. `set` holds overrides, as [`crate::text::read_scene_with`] takes them.
+/// Opens a scene file. `set` holds overrides, as [`crate::text::read_scene_with`] takes them. `staging` is for models.
 ///
 /// ```
 /// use canaletto_io::assets::MemoryAssets;
+/// use canaletto_io::import::Staging;
 /// use canaletto_io::scene_file::open;
 ///
 /// let assets = MemoryAssets::new().with("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n");
-/// let mut source = open("a.obj", &assets, &["camera.fovy=20".to_owned()]).expect("OBJ is a known format");
+/// let mut source = open("a.obj", &assets, &["camera.fovy=20".to_owned()], &Staging::default())
+///     .expect("OBJ is a known format");
 /// let (scene, warnings) = source.scene(&assets, 0.0)?;
 /// assert_eq!(scene.views[0].intrinsics.fovy, 20.0);
 /// # Ok::<(), canaletto_io::diagnostic::Diagnostics>(())
@@ -35,7 +38,12 @@ const TEXT_EXTENSION: &str = "kdl";
 /// # Errors
 /// [`OpenError`]. Mistakes that leave a part of the text are returned by [`SceneSource::scene`], as are those of
 /// models.
-pub fn open(file: &str, assets: &dyn Assets, set: &[String]) -> Result<Box<dyn SceneSource>, OpenError> {
+pub fn open(
+    file: &str,
+    assets: &dyn Assets,
+    set: &[String],
+    staging: &Staging,
+) -> Result<Box<dyn SceneSource>, OpenError> {
     let extension = AssetPath::new(file, file, file).extension();
     if extension == TEXT_EXTENSION {
         return match SceneDocument::read(file, assets, set) {
@@ -45,24 +53,46 @@ pub fn open(file: &str, assets: &dyn Assets, set: &[String]) -> Result<Box<dyn S
     }
     match ModelFormat::of_extension(&extension) {
         None => Err(OpenError::UnknownFormat),
-        Some(_) => Ok(Box::new(Model::new(file, set))),
+        Some(_) => Model::new(file, assets, set, staging)
+            .map(|model| Box::new(model) as Box<dyn SceneSource>)
+            .map_err(OpenError::Mistakes),
     }
 }
 
-/// A model file, which has one scene for all frames.
+/// A model file. Its scene changes with the frame if it plays a clip or turns, else it is one for all frames.
 #[derive(Clone, Debug)]
 struct Model {
     file: String,
     /// The overrides of its scene.
     set: Vec<String>,
+    staging: Staging,
+    /// The length of its clip in seconds from the moment of frame 0 on.
+    length: Option<f64>,
     timeline: Timeline,
 }
 
 impl Model {
     /// The model of this file, which is read by [`SceneSource::scene`]. The overrides can change the camera, the film,
     /// the integrator, the background, the ambient light, materials and lights.
-    fn new(file: &str, set: &[String]) -> Model {
-        Model { file: file.to_owned(), set: set.to_vec(), timeline: Timeline::default() }
+    fn new(file: &str, assets: &dyn Assets, set: &[String], staging: &Staging) -> Result<Model, Diagnostics> {
+        // The last of several assignments counts.
+        let named = set.iter().rev().find_map(|set| set.split_once('=').filter(|(key, _)| key.trim() == "integrator"));
+        let is_classic = named
+            .is_some_and(|(_, word)| word.trim().trim_matches('"') != Integrator::Path(PathSettings::DEFAULT).name());
+        let mut staging = Staging { classic: staging.classic || is_classic, ..staging.clone() };
+        let mut timeline = Timeline { seconds: true, ..Timeline::default() };
+        let mut length = None;
+        if staging.plays && staging.moment.is_none() && import::duration(file, assets, None)?.is_some() {
+            staging.moment = Some(Moment::default());
+        }
+        if let Some(moment) = &staging.moment {
+            length = import::duration(file, assets, moment.clip.as_deref())?.map(|length| length - moment.seconds);
+            timeline.moves = length.is_some_and(|length| length > 0.0);
+        }
+        timeline.moves |= staging.turntable.is_some();
+        let mut model = Model { file: file.to_owned(), set: set.to_vec(), staging, length, timeline };
+        model.set_fps(Timeline::DEFAULT_FPS);
+        Ok(model)
     }
 }
 
@@ -73,6 +103,11 @@ impl SceneSource for Model {
 
     fn set_fps(&mut self, fps: f64) {
         self.timeline.fps = fps;
+        let last = |length: f64| (length * fps).round().clamp(0.0, f64::from(u32::MAX)) as u32;
+        self.timeline.frames = match self.staging.turntable {
+            Some(frames) => Some([0, frames.max(1) - 1]),
+            None => self.length.map(|length| [0, last(length)]),
+        };
     }
 
     /// No format of models has a camera with a shutter.
@@ -90,8 +125,15 @@ impl SceneSource for Model {
         Vec::new()
     }
 
-    fn scene(&mut self, assets: &dyn Assets, _: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
-        let (scene, mut warnings) = import::load(&self.file, assets)?;
+    fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
+        let mut staging = self.staging.clone();
+        if let Some(moment) = &mut staging.moment {
+            moment.seconds += frame / self.timeline.fps;
+        }
+        if let Some(frames) = staging.turntable {
+            staging.turn += 360.0 * frame / f64::from(frames.max(1));
+        }
+        let (scene, mut warnings) = import::load(&self.file, assets, &staging)?;
         if self.set.is_empty() {
             return Ok((scene, warnings));
         }

@@ -169,7 +169,11 @@ fn meshes_from_files() {
 #[test]
 fn single_precision_is_told_with_its_steps() {
     let ply = |offset: [f64; 3]| steps_ply_of(offset, true);
-    let warnings = |offset| import::load("s.ply", &MemoryAssets::new().with("s.ply", ply(offset))).expect("a model").1;
+    let warnings = |offset| {
+        import::load("s.ply", &MemoryAssets::new().with("s.ply", ply(offset)), &import::Staging::classic())
+            .expect("a model")
+            .1
+    };
     assert!(warnings([0.0; 3]).to_string().is_empty());
     let told = warnings(SURVEY).to_string();
     assert!(told.contains("coordinates are single precision, which") && told.contains("steps of 0.25"), "{told}");
@@ -247,7 +251,10 @@ fn clouds_of_single_precision_are_told_with_their_steps() {
 fn what_no_origin_is_near_to_is_told() {
     let apart = format!("v 0 0 0\n{}", steps(SURVEY));
     let warnings = |bytes: String| {
-        import::load("s.obj", &MemoryAssets::new().with("s.obj", bytes)).expect("a model").1.to_string()
+        import::load("s.obj", &MemoryAssets::new().with("s.obj", bytes), &import::Staging::classic())
+            .expect("a model")
+            .1
+            .to_string()
     };
     assert!(warnings(apart.clone()).contains("rounded to single precision"), "{}", warnings(apart));
     assert_eq!(warnings(steps(SURVEY)), "");
@@ -263,7 +270,8 @@ fn what_no_origin_is_near_to_is_told() {
 #[test]
 fn models_alone() {
     let alone = |name: &str, bytes: Vec<u8>| {
-        let (mut scene, _) = import::load(name, &MemoryAssets::new().with(name, bytes)).expect("a model");
+        let (mut scene, _) =
+            import::load(name, &MemoryAssets::new().with(name, bytes), &import::Staging::classic()).expect("a model");
         (scene.views[0].intrinsics.width, scene.views[0].intrinsics.height) = (120, 90);
         picture_of(scene)
     };

@@ -131,7 +131,7 @@ fn bake(flags: &BakeFlags) -> Result<Exit, Failure> {
     table.check()?;
     flags.folder.make_folders(&table)?;
     check_files(files.clone(), &output, flags.no_clobber)?;
-    let mut reader = Reader::open(&flags.source, None, None)?;
+    let mut reader = Reader::open_classic(&flags.source)?;
     let frame = flags.frame.unwrap_or(reader.first_frame());
     let source = reader.at(frame)?;
     if !flags.quiet {

@@ -16,6 +16,7 @@ use canaletto::render::Job;
 use canaletto::scene::{CameraProjection, Scene, View};
 use canaletto::world::{BuildOptions, World};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics};
+use canaletto_io::import::Staging;
 use clap::Args;
 use serde_json::json;
 use std::collections::HashSet;
@@ -102,7 +103,7 @@ fn summary(found: &Diagnostics, failed: bool) -> String {
 /// Finds everything that `render` would find, for every camera, at one frame or at all frames. Worlds are built at the
 /// frames next to keys; these represent the frames between.
 fn check(path: &Path, allow_outside: bool, frame: Option<u32>) -> Result<Diagnostics, Failure> {
-    let mut reader = Reader::open_file(path, &[], allow_outside, &ReadLog::default())?;
+    let mut reader = Reader::open_file(path, &[], &Staging::default(), allow_outside, &ReadLog::default())?;
     let (name, moves) = (reader.name.clone(), reader.timeline().moves);
     let frames = frame.map_or_else(|| all_frames(&reader), |frame| Ok(Frames::one(frame)))?;
     let built = frames.next_to(&reader.key_frames());

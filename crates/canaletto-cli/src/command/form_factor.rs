@@ -167,7 +167,7 @@ pub(crate) fn run(flags: &FormFactorFlags) -> Result<Exit, Failure> {
 }
 
 fn answer(flags: &FormFactorFlags) -> Result<Answer, Failure> {
-    let mut reader = Reader::open(&flags.source, None, None)?;
+    let mut reader = Reader::open_classic(&flags.source)?;
     reader.use_no_camera();
     let Source { name, scene, warnings, .. } = reader.at_chosen(None, flags.frame)?;
     print_diagnostics(&warnings, false);

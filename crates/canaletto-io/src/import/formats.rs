@@ -1,7 +1,7 @@
 //! The table of model formats. The extensions that are read, and the messages and help texts that name them, come from
 //! it.
 
-use super::{DefaultShading, nff, obj, ply, stl};
+use super::{ReadOptions, UpAxis, gltf, nff, obj, ply, stl};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::Diagnostics;
 use canaletto::scene::Fragment;
@@ -16,9 +16,17 @@ pub struct ModelFormat {
     pub extensions: &'static [&'static str],
     /// What a file holds.
     pub holds: Holds,
+    /// The axis that points upwards in most files.
+    pub up: UpAxis,
     /// Reads a file of this format; returns its content with warnings.
-    pub(super) read: fn(&OpenAsset, &dyn Assets, DefaultShading) -> ReadFragment,
+    pub(super) read: fn(&OpenAsset, &dyn Assets, &ReadOptions) -> ReadFragment,
+    /// The length in seconds of a clip of this name, or of the first one; none if nothing is animated. `None` for
+    /// formats without animations.
+    pub(super) duration: Option<ReadDuration>,
 }
+
+/// Reads the length of a clip.
+pub(super) type ReadDuration = fn(&OpenAsset, &dyn Assets, Option<&str>) -> Result<Option<f64>, Diagnostics>;
 
 /// The content of a file with warnings, or its mistakes.
 pub(super) type ReadFragment = Result<(Fragment, Diagnostics), Diagnostics>;
@@ -33,7 +41,7 @@ pub enum Holds {
 }
 
 /// All formats, in the order of the help texts.
-pub const FORMATS: &[ModelFormat] = &[obj::FORMAT, ply::FORMAT, stl::FORMAT, nff::FORMAT];
+pub const FORMATS: &[ModelFormat] = &[gltf::FORMAT, obj::FORMAT, ply::FORMAT, stl::FORMAT, nff::FORMAT];
 
 impl ModelFormat {
     /// The format of files with this extension, which is in lower case.
@@ -43,8 +51,7 @@ impl ModelFormat {
 }
 
 /// Formats that aren't read: their extensions, their usual names, and programs that write what is read.
-const FOREIGN: [(&[&str], &str, &str); 12] = [
-    (&["gltf", "glb"], "glTF", "Blender"),
+const FOREIGN: [(&[&str], &str, &str); 11] = [
     (&["fbx"], "FBX", "Blender"),
     (&["dae"], "COLLADA", "Blender"),
     (&["3ds"], "3DS", "assimp"),

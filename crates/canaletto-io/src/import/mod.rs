@@ -10,6 +10,7 @@ mod colormap;
 mod concat;
 mod encoding;
 mod formats;
+mod gltf;
 mod ies;
 mod ignored;
 mod lines;
@@ -37,6 +38,7 @@ pub(crate) use ies::read_ies;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;
 pub(crate) use staging::{DEFAULT_SAMPLING, default_camera};
+pub use staging::{Ground, Moment, PictureQuality, StageLight, Staging, StandardView, UpAxis};
 pub(crate) use table_color::colors_of_rows;
 
 use crate::assets::{AssetPath, Assets, OpenAsset, reason};
@@ -55,16 +57,18 @@ pub fn extensions() -> Vec<&'static str> {
     sorted_extensions(FORMATS.iter())
 }
 
-/// Reads a model or a foreign scene, named by the user, as a whole scene. Models get what they lack of camera, lights
-/// and ground. The scene is returned with warnings.
+/// Reads a model or a foreign scene, named by the user, as a whole scene. Models get what they lack of camera, light
+/// and ground, as the staging says. The scene is returned with warnings.
 ///
 /// # Errors
 /// The mistakes in the file, or that its format isn't supported.
-pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Diagnostics> {
+pub fn load(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<(Scene, Diagnostics), Diagnostics> {
     let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
-    let (fragment, warnings) = read(format, &asset, assets, DefaultShading::Creases)?;
+    let Staging { moment, variant, .. } = staging.clone();
+    let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
+    let (fragment, warnings) = read(format, &asset, assets, &options)?;
     let scene = match format.holds {
-        Holds::Objects => staging::stage(fragment).ok_or_else(|| {
+        Holds::Objects => staging::stage(fragment, format.up, staging).ok_or_else(|| {
             let wrong = "the model is too large to put a camera and lights around it";
             let help = "its coordinates may go up to about 1e37: scale it down in the program that made it";
             Diagnostic::error(asset.path.name(), wrong).help(help)
@@ -86,7 +90,26 @@ pub fn load(path: &str, assets: &dyn Assets) -> Result<(Scene, Diagnostics), Dia
 /// file.
 pub fn load_objects(path: &str, assets: &dyn Assets, from: &AssetPath) -> Result<(Fragment, Diagnostics), Diagnostics> {
     let (format, asset) = open(path, assets, from, |format| format.holds == Holds::Objects)?;
-    read(format, &asset, assets, DefaultShading::Flat)
+    read(format, &asset, assets, &ReadOptions { unsaid: DefaultShading::Flat, moment: None, variant: None })
+}
+
+/// The length in seconds of a model's clip of this name, or of its first one; none if nothing of it is animated.
+///
+/// # Errors
+/// The mistakes in the file, or that there is no such clip.
+pub fn duration(path: &str, assets: &dyn Assets, clip: Option<&str>) -> Result<Option<f64>, Diagnostics> {
+    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
+    format.duration.map_or(Ok(None), |duration| duration(&asset, assets, clip))
+}
+
+/// How a model is read.
+#[derive(Clone, Debug)]
+struct ReadOptions {
+    unsaid: DefaultShading,
+    /// The moment of an animation; none for the file's own pose.
+    moment: Option<Moment>,
+    /// The name of the variant of the materials.
+    variant: Option<String>,
 }
 
 /// The shading of surfaces for which a file declares neither flat nor smooth normals.
@@ -97,8 +120,12 @@ enum DefaultShading {
     Creases,
 }
 
-fn read(format: &ModelFormat, asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
-    let (fragment, warnings) = (format.read)(asset, assets, unsaid)?;
+fn read(format: &ModelFormat, asset: &OpenAsset, assets: &dyn Assets, options: &ReadOptions) -> ReadFragment {
+    let lacks = [("animation", options.moment.is_some()), ("variants", options.variant.is_some())];
+    if let Some((what, _)) = lacks.iter().find(|(_, is_asked)| *is_asked && format.duration.is_none()) {
+        return Err(Diagnostic::error(asset.path.name(), format!("{} has no {what}", format.name)).into());
+    }
+    let (fragment, warnings) = (format.read)(asset, assets, options)?;
     let has_size = |node: &Node| !matches!(node.content, Content::Mesh(_) | Content::Light(_));
     let is_seen = || fragment.meshes.iter().any(has_area) || fragment.nodes.iter().any(has_size);
     if format.holds == Holds::Scene || is_seen() {

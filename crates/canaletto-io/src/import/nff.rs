@@ -18,7 +18,7 @@ use super::polygon::{Triangulator, vector_area};
 use super::positions::Positions;
 use super::precision_warning::{self, Precision};
 use super::staging::fit_camera;
-use super::{DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, encoding, is_flat, unreadable};
+use super::{Holds, ModelFormat, ReadFragment, ReadOptions, UpAxis, attach_source, encoding, is_flat, unreadable};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::light::{Light, LightKind, Omni};
@@ -33,10 +33,16 @@ use std::collections::HashMap;
 const MAX_RESOLUTION: u32 = 1 << 16;
 
 /// NFF in the table of formats.
-pub(super) const FORMAT: ModelFormat =
-    ModelFormat { name: "NFF", extensions: &["nff"], holds: Holds::Scene, read: read_scene };
+pub(super) const FORMAT: ModelFormat = ModelFormat {
+    name: "NFF",
+    extensions: &["nff"],
+    holds: Holds::Scene,
+    up: UpAxis::Y,
+    read: read_scene,
+    duration: None,
+};
 
-fn read_scene(asset: &OpenAsset, _: &dyn Assets, _: DefaultShading) -> ReadFragment {
+fn read_scene(asset: &OpenAsset, _: &dyn Assets, _: &ReadOptions) -> ReadFragment {
     let file = asset.path.name();
     let bytes = asset.content.view().whole().map_err(|e| unreadable(&e).error(file))?;
     let bytes = encoding::text(&bytes);

@@ -13,7 +13,8 @@ use super::positions::Positions;
 use super::precision_warning::{self, Precision};
 use super::smooth::{Smoothing, smooth};
 use super::{
-    DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, encoding, fragment_of, number, unreadable,
+    DefaultShading, Holds, ModelFormat, ReadFragment, ReadOptions, UpAxis, attach_source, encoding, fragment_of,
+    number, unreadable,
 };
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::Diagnostics;
@@ -25,15 +26,22 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
 /// STL in the table of formats.
-pub(super) const FORMAT: ModelFormat =
-    ModelFormat { name: "STL", extensions: &["stl"], holds: Holds::Objects, read: read_model };
+pub(super) const FORMAT: ModelFormat = ModelFormat {
+    name: "STL",
+    extensions: &["stl"],
+    holds: Holds::Objects,
+    up: UpAxis::Z,
+    read: read_model,
+    duration: None,
+};
 
 const HEADER: usize = 80;
 const FIRST_FACET: usize = HEADER + 4;
 /// A normal, three corners and two bytes.
 const FACET: usize = 50;
 
-fn read_model(asset: &OpenAsset, _: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+fn read_model(asset: &OpenAsset, _: &dyn Assets, options: &ReadOptions) -> ReadFragment {
+    let unsaid = options.unsaid;
     let file = asset.path.name();
     let bytes = asset.content.view().whole().map_err(|e| unreadable(&e).error(file))?;
     let mut said = Vec::new();

@@ -17,13 +17,15 @@ fn files(name: &str, bytes: &[u8]) -> MemoryAssets {
 #[test]
 fn a_model_alone_becomes_a_scene() {
     for (name, bytes) in [("a.obj", OBJ), ("a.ply", PLY)] {
-        let (scene, _) = load(name, &files(name, bytes.as_bytes())).unwrap();
+        let (scene, _) = load(name, &files(name, bytes.as_bytes()), &Staging::default()).unwrap();
         assert_eq!(scene.meshes.len(), 1);
         assert_eq!((scene.views[0].intrinsics.width, scene.views[0].intrinsics.height), (960, 720));
         assert_eq!(scene.meshes[0].normals.len(), scene.meshes[0].positions.len());
         assert!(scene.nodes.iter().any(|n| n.name.as_deref() == Some("ground")));
-        assert_eq!(scene.nodes.iter().filter(|n| matches!(n.content, Content::Light(_))).count(), 2);
+        assert!(scene.environment.is_some());
         assert!(scene.nodes.iter().all(|n| n.material.is_none_or(|m| (m as usize) < scene.materials.len())));
+        let (classic, _) = load(name, &files(name, bytes.as_bytes()), &Staging::classic()).unwrap();
+        assert_eq!(classic.nodes.iter().filter(|n| matches!(n.content, Content::Light(_))).count(), 2);
     }
 }
 
@@ -58,9 +60,9 @@ fn every_text_may_be_utf_16_and_filled_up() {
         all
     };
     for (name, text) in [("a.obj", OBJ), ("a.ply", PLY), ("a.nff", NFF)] {
-        let plain = load(name, &files(name, text.as_bytes())).unwrap();
+        let plain = load(name, &files(name, text.as_bytes()), &Staging::default()).unwrap();
         for bytes in with_text(name, text) {
-            let (scene, warnings) = load(name, &files(name, &bytes)).unwrap();
+            let (scene, warnings) = load(name, &files(name, &bytes), &Staging::default()).unwrap();
             assert_eq!((&scene, warnings.warnings()), (&plain.0, plain.1.warnings()), "{name}: {warnings}");
         }
     }
@@ -80,7 +82,7 @@ fn every_text_may_be_utf_16_and_filled_up() {
 fn staging_grows_with_the_model() {
     let scene = |factor: f32| {
         let text = format!("v 0 0 0\nv {factor} 0 0\nv 0 {factor} {factor}\nf 1 2 3\n");
-        load("a.obj", &files("a.obj", text.as_bytes())).unwrap().0
+        load("a.obj", &files("a.obj", text.as_bytes()), &Staging::default()).unwrap().0
     };
     let (small, large) = (scene(1.0), scene(1024.0));
     assert_eq!(small.views[0].extrinsics.eye * 1024.0, large.views[0].extrinsics.eye);
@@ -89,8 +91,8 @@ fn staging_grows_with_the_model() {
 
 #[test]
 fn other_formats_are_named() {
-    let error = |name: &str| load(name, &MemoryAssets::new()).unwrap_err().to_string();
-    let message = "b/a.STP: error: STEP isn't supported yet\n  help: supported are nff, obj, ply, stl; FreeCAD converts \
+    let error = |name: &str| load(name, &MemoryAssets::new(), &Staging::default()).unwrap_err().to_string();
+    let message = "b/a.STP: error: STEP isn't supported yet\n  help: supported are glb, gltf, nff, obj, ply, stl; FreeCAD converts \
                    it to OBJ or PLY\n";
     assert_eq!(error("b/a.STP"), message);
     assert!(
@@ -98,22 +100,24 @@ fn other_formats_are_named() {
     );
     assert_eq!(error("a.obj").lines().next(), Some("a.obj: error: there is no file \"a.obj\""));
     let error = load_objects("a.nff", &MemoryAssets::new(), &AssetPath::base()).unwrap_err().to_string();
-    assert!(error.contains("supported are obj, ply, stl"), "{error}");
+    assert!(error.contains("supported are glb, gltf, obj, ply, stl"), "{error}");
 }
 
 #[test]
 fn bytes_that_are_no_text_keep_their_places() {
-    let error = load("a.obj", &files("a.obj", b"# caf\xe9 \xff\xff\nv 1 2 \xe9\n")).unwrap_err().to_string();
+    let error = load("a.obj", &files("a.obj", b"# caf\xe9 \xff\xff\nv 1 2 \xe9\n"), &Staging::default())
+        .unwrap_err()
+        .to_string();
     assert!(error.starts_with("a.obj:2:7: error: vertex:"), "{error}");
 }
 
 /// Reads bytes as every format; nothing may panic.
 fn read_all(bytes: &[u8]) {
     for name in ["a.obj", "a.ply", "a.nff"] {
-        let _ = load(name, &files(name, bytes));
+        let _ = load(name, &files(name, bytes), &Staging::default());
     }
     let mtl = MemoryAssets::new().with("a.obj", OBJ).with("a.mtl", bytes);
-    let _ = load("a.obj", &mtl);
+    let _ = load("a.obj", &mtl, &Staging::default());
     let asset = Asset { path: AssetPath::new("a", "a", "a"), bytes: bytes.to_vec() };
     for format in [CloudFormat::Text, CloudFormat::Ply, CloudFormat::Binary] {
         let _ = read_spheres(&asset, format, Some(1.0));

@@ -164,7 +164,7 @@ fn compare_methods(flags: &CompareMethodsFlags) -> Result<MethodsReport<'_>, Fai
     let Some(format) = output.format.picture() else {
         return Err(Failure::usage(format!("--output: {} isn't a format of pictures", output.format)));
     };
-    let mut reader = Reader::open(&flags.source, None, None)?;
+    let mut reader = Reader::open_classic(&flags.source)?;
     let source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
     let frame = source.frame;
     flags.messages.warn(&source.warnings);

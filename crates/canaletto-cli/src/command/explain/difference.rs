@@ -30,7 +30,7 @@ impl Compared {
     fn new(flags: &ExplainFlags) -> Compared {
         Compared {
             scene: flags.source.scene.clone(),
-            set: flags.source.set.clone(),
+            set: flags.source.changes(),
             pixel: flags.pixel,
             ray: flags.ray,
             seed: flags.picture.seed,

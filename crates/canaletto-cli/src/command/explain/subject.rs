@@ -104,7 +104,8 @@ impl<'a> Subject<'a> {
         let files = files.writes("--svg", flags.svg.clone()).writes("--html", flags.html.clone());
         files.check()?;
         flags.folder.make_folders(&files)?;
-        let mut reader = Reader::open(&flags.source, flags.picture.integrator, flags.picture.max_depth)?;
+        let mut reader =
+            Reader::open(&flags.source, flags.picture.integrator_of(&flags.source), flags.picture.max_depth)?;
         if flags.ray.is_some() {
             reader.use_no_camera();
         }

@@ -83,7 +83,7 @@ pub(crate) fn run(flags: &GradeFlags) -> Result<Exit, Failure> {
 fn graded(flags: &GradeFlags) -> Result<GradeReport<'_>, Failure> {
     let input = read(&flags.student, None)?;
     let size = [input.decoded.image.width, input.decoded.image.height];
-    let source = Reader::open(&flags.source, None, None)?.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
+    let source = Reader::open_classic(&flags.source)?.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
     flags.messages.warn(&source.warnings);
     let (name, scene, frame) = (source.name, source.scene, source.frame);
     let picture = classic(&flags.picture, &scene)?;

@@ -122,6 +122,7 @@ impl GradeReport<'_> {
             flag("--size", format!("{}x{}", self.size[0], self.size[1]));
         }
         flags.source.set.iter().for_each(|set| flag("--set", set.clone()));
+        flags.source.staging.given().into_iter().for_each(|(name, value)| flag(&format!("--{name}"), value));
         flags.picture.camera.iter().for_each(|camera| flag("--camera", camera.clone()));
         flags.frame.iter().for_each(|frame| flag("--frame", frame.to_string()));
         flags.picture.stage.iter().for_each(|stage| flag("--stage", stage.name().into()));

@@ -1,12 +1,13 @@
 //! The command that makes a picture again, from the settings in its file.
 
 use crate::complete::PICTURE_TRANSFER;
-use crate::settings::{ALPHA, PROGRESSIVE};
+use crate::model::is_model;
+use crate::settings::{ALPHA, MODEL, PROGRESSIVE};
 use crate::told_developing::exposure_text;
 use canaletto::Named;
 use canaletto::integrator::describe;
 use canaletto::render::Aov;
-use canaletto::scene::{Integrator, SamplePattern};
+use canaletto::scene::{Integrator, PathSettings, SamplePattern};
 use canaletto_io::picture::{Decoded, PictureFormat, layer_channel_names};
 use std::path::{Path, PathBuf};
 
@@ -49,6 +50,15 @@ impl Recipe {
         }
         if matches!(text("shadows"), Some("false" | "none")) {
             flags.0.push("--no-shadows".into());
+        }
+        for (flag, value) in text(MODEL).map(model_flags).unwrap_or_default() {
+            flags.with(&format!("--{flag}"), Some(value));
+        }
+        let by_paths = text("integrator") == Some(Integrator::Path(PathSettings::DEFAULT).name());
+        match text("denoiser") {
+            Some(denoiser) => flags.0.push(format!("--denoise={denoiser}")),
+            None if by_paths && is_model(Path::new(name)) => flags.0.push("--denoise=none".into()),
+            None => {}
         }
         for assignment in text("set").map(assignments).unwrap_or_default() {
             flags.with("--set", Some(assignment));
@@ -126,6 +136,12 @@ fn assignments(text: &str) -> Vec<String> {
         }
     }
     all.iter().map(|assignment| assignment.trim().to_owned()).filter(|assignment| !assignment.is_empty()).collect()
+}
+
+/// The flags of a model's staging, which the file holds with `; ` between them.
+fn model_flags(text: &str) -> Vec<(String, String)> {
+    let pair = |word: &str| word.split_once('=').map(|(flag, value)| (flag.to_owned(), value.to_owned()));
+    text.split("; ").filter_map(pair).collect()
 }
 
 /// The layers whose channels a picture has.

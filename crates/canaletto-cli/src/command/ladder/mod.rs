@@ -103,7 +103,7 @@ fn ladder(flags: &LadderFlags) -> Result<LadderReport, Failure> {
     let Some(format) = output.format.picture() else {
         return Err(Failure::usage(format!("--output: {} isn't a format of pictures", output.format)));
     };
-    let mut reader = Reader::open(&flags.source, None, None)?;
+    let mut reader = Reader::open_classic(&flags.source)?;
     let source = reader.at_chosen(flags.picture.camera.as_deref(), flags.frame)?;
     flags.messages.warn(&source.warnings);
     let (name, scene, frame) = (source.name, source.scene, source.frame);

@@ -6,13 +6,14 @@ mod plan;
 mod series;
 
 use crate::command_files::CommandFiles;
-use crate::denoiser::Denoiser;
+use crate::denoiser::{DenoiseFlag, Denoiser, denoise_flag};
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::frames::{FramesFlag, fps};
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
+use crate::model::is_model;
 use crate::output::OutputFlags;
 use crate::output_format::Format;
 use crate::partial::{partial, with_samples};
@@ -24,7 +25,9 @@ use crate::source::{Reader, STDIN, build, on_threads};
 use crate::watch::watch;
 use canaletto::Named;
 use canaletto::render::{Aov, Job};
+use canaletto::scene::Integrator;
 use canaletto_io::diagnostic::closest_word;
+use canaletto_io::import::PictureQuality;
 use clap::Args;
 use dry_run::{dry_run, room};
 use plan::Plan;
@@ -72,14 +75,14 @@ pub(crate) struct RenderFlags {
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = aov, help_heading = "Output")]
     pub aov: Vec<Layers>,
 
-    /// Removes the noise of the finished picture [default without a name: good]
+    /// Removes the noise of the finished picture [default without a name: good; of models by paths that of --quality]
     ///
     /// --denoise=fast takes a tenth of the time. --denoise=oidn uses Intel's Open Image Denoise from the folder that
     /// the variable OIDN_DIR names. Previews and parts of pictures stay noisy. --aov noisy keeps the noisy picture as a
     /// layer.
     #[arg(long, value_name = "DENOISER", num_args = 0..=1, default_missing_value = "good", require_equals = true,
-        help_heading = "Output")]
-    pub denoise: Option<Denoiser>,
+        value_parser = denoise_flag(), help_heading = "Output")]
+    pub denoise: Option<DenoiseFlag>,
 
     /// Sets the side of the tiles that threads render, in pixels; changes no picture
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=4096),
@@ -168,6 +171,29 @@ fn aov(text: &str) -> Result<Layers, String> {
     })
 }
 
+impl RenderFlags {
+    /// The denoiser of the picture: that asked for, or of a model by paths that of its quality. Parts of pictures stay
+    /// noisy.
+    pub(crate) fn denoiser(&self) -> Option<Denoiser> {
+        let integrator = self.picture.integrator_of(&self.source);
+        let is_by_paths = integrator.is_none_or(|integrator| matches!(integrator, Integrator::Path(_)));
+        let is_whole = self.passes.continue_from.is_none() && self.passes.first_sample == 0;
+        let of_quality = || {
+            let is_denoised = is_model(&self.source.scene) && is_by_paths && is_whole && !self.sets_integrator();
+            is_denoised.then(|| match self.source.staging.quality.unwrap_or_default() {
+                PictureQuality::Draft => Denoiser::Fast,
+                _ => Denoiser::Good,
+            })
+        };
+        self.denoise.map_or_else(of_quality, |DenoiseFlag(denoiser)| denoiser)
+    }
+
+    /// Whether --set chooses the integrator.
+    fn sets_integrator(&self) -> bool {
+        self.source.set.iter().any(|set| set.split_once('=').is_some_and(|(key, _)| key.trim() == "integrator"))
+    }
+}
+
 /// An opened scene with its plan.
 struct Task {
     flags: RenderFlags,
@@ -177,8 +203,14 @@ struct Task {
 
 impl Task {
     fn new(flags: RenderFlags) -> Result<Task, Failure> {
+        let mut flags = flags;
+        if flags.source.staging.turntable.is_some() {
+            flags.frames.get_or_insert(FramesFlag::All);
+        }
+        flags.source.staging.plays = flags.frames.is_some() || flags.output.is_film();
         let style = Style::new(flags.progress, flags.quiet);
-        let mut reader = Reader::open(&flags.source, flags.picture.integrator, flags.picture.max_depth)?;
+        let integrator = flags.picture.integrator_of(&flags.source);
+        let mut reader = Reader::open(&flags.source, integrator, flags.picture.max_depth)?;
         reader.choose_camera(flags.picture.camera.as_deref());
         if let Some(fps) = flags.fps {
             reader.set_fps(fps);
@@ -352,7 +384,7 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
     let solved = fingerprint(&source.scene, &settings.job).filter(|_| flags.solution.given().is_some());
     solved.as_ref().map_or(Ok(()), |scene| solutions.check(scene))?;
     let job = Job { aovs: plan.aovs.clone(), ..settings.job.clone() };
-    room(&job, plan.output.format, flags.denoise.is_some())?;
+    room(&job, plan.output.format, flags.denoiser().is_some())?;
     files.check_scene(&reader)?;
     if plan.frames.count() > 1 && !reader.timeline().moves && !flags.quiet {
         print_diagnostics(&plan.frames.all_the_same(&source.name, false).into(), plan.style == Style::Json);
@@ -367,7 +399,7 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
             let source = reader.at(second)?;
             (world, _) = build(&source.name, source.scene, &options, Some(world))?;
         }
-        let memory = Memory::of(&world, Some(&job), plan.output.format, flags.denoise.is_some());
+        let memory = Memory::of(&world, Some(&job), plan.output.format, flags.denoiser().is_some());
         return dry_run(flags, plan, &settings, &stats, memory, files);
     }
     // Errors at later keys are reported before the first frame is rendered.

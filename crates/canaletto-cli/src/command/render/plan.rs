@@ -69,7 +69,7 @@ impl Plan {
             Some(own) => Some(preview(&flags.output, own.as_deref(), &output, frames)?),
             None => None,
         };
-        if let Some(denoiser) = flags.denoise {
+        if let Some(denoiser) = flags.denoiser() {
             denoiser.check()?;
         } else if aovs.contains(&Aov::Noisy) {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));

@@ -217,17 +217,17 @@ impl<'a> Series<'a> {
         let mut texts = metadata(&self.flags.source, &settings);
         texts.extend(self.flags.passes.texts());
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
-        if let Some(denoiser) = self.flags.denoise {
+        if let Some(denoiser) = self.flags.denoiser() {
             texts.push(("denoiser".into(), denoiser.name().into()));
         }
         if self.plan.numbered {
             if self.reader.timeline().seconds {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
             }
-            let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.set);
+            let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.changes());
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
-            texts.push(scene_digest(&source.files, &self.flags.source.set));
+            texts.push(scene_digest(&source.files, &self.flags.source.changes()));
         }
         let previews = match self.plan.preview.is_some() {
             true => previews(&source.name, &source.scene, &self.flags.picture, &job),
@@ -237,7 +237,7 @@ impl<'a> Series<'a> {
         Ok(FrameContext {
             camera: settings.camera,
             fingerprint: fingerprint(&source.scene, &job),
-            scene_digest: scene_digest(&source.files, &self.flags.source.set),
+            scene_digest: scene_digest(&source.files, &self.flags.source.changes()),
             job,
             texts,
             times,
@@ -329,12 +329,12 @@ impl<'a> Series<'a> {
                 if !plan.output.format.has_layers() {
                     texts.push(frame_context.scene_digest.clone());
                 }
-                Some(samples_of_file(file, &job, &texts, self.flags.denoise.is_some())?)
+                Some(samples_of_file(file, &job, &texts, self.flags.denoiser().is_some())?)
             }
             None => None,
         };
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
-        let rendered_job = if self.flags.denoise.is_some() { with_layers(&job) } else { job.clone() };
+        let rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
         let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
@@ -346,7 +346,7 @@ impl<'a> Series<'a> {
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
         rendering.complete &= !interrupt::stops();
-        if let Some(denoiser) = self.flags.denoise {
+        if let Some(denoiser) = self.flags.denoiser() {
             self.denoise(denoiser, &mut rendering, &job)?;
         }
         let solution = first_solution.or(solution);
@@ -362,7 +362,7 @@ impl<'a> Series<'a> {
         let texts_with_samples = |rendering: &mut Rendering| {
             let mut texts = frame_context.texts.clone();
             if keeps_samples {
-                add_samples(rendering, &mut texts, self.flags.denoise.is_some());
+                add_samples(rendering, &mut texts, self.flags.denoiser().is_some());
             }
             texts
         };
@@ -424,7 +424,7 @@ impl<'a> Series<'a> {
             let mut texts = texts.clone();
             texts.push(scene_digest.clone());
             let own = rendering.picture.layers.len();
-            add_samples(rendering, &mut texts, self.flags.denoise.is_some());
+            add_samples(rendering, &mut texts, self.flags.denoiser().is_some());
             let written = self.writer.write_samples(&FramePicture { world, job, rendering, texts: &texts });
             rendering.picture.layers.truncate(own);
             written

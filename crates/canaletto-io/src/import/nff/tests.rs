@@ -1,11 +1,12 @@
 use super::*;
 use crate::assets::MemoryAssets;
+use crate::import::Staging;
 use canaletto::scene::Scene;
 
 const VIEW: &str = "v\nfrom 2 1 1.5\nat 0 0 0\nup 0 0 1\nangle 45\nhither 0.01\nresolution 512 256\n";
 
 fn load(text: &str) -> Result<(Scene, Diagnostics), Diagnostics> {
-    super::super::load("a.nff", &MemoryAssets::new().with("a.nff", text))
+    super::super::load("a.nff", &MemoryAssets::new().with("a.nff", text), &Staging::default())
 }
 
 fn error(text: &str) -> String {

@@ -21,7 +21,7 @@ use super::ignored::Ignored;
 use super::lines::{ImportError, Token};
 use super::precision_warning::{self, Precision};
 use super::text::Text;
-use super::{DefaultShading, Holds, ModelFormat, ReadFragment, fragment_of, unreadable};
+use super::{DefaultShading, Holds, ModelFormat, ReadFragment, ReadOptions, UpAxis, fragment_of, unreadable};
 use crate::assets::{Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::{Material, Phong};
@@ -36,10 +36,17 @@ use std::path::PathBuf;
 use vertices::First;
 
 /// OBJ in the table of formats.
-pub(super) const FORMAT: ModelFormat =
-    ModelFormat { name: "OBJ", extensions: &["obj"], holds: Holds::Objects, read: read_model };
+pub(super) const FORMAT: ModelFormat = ModelFormat {
+    name: "OBJ",
+    extensions: &["obj"],
+    holds: Holds::Objects,
+    up: UpAxis::Y,
+    read: read_model,
+    duration: None,
+};
 
-fn read_model(asset: &OpenAsset, assets: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+fn read_model(asset: &OpenAsset, assets: &dyn Assets, options: &ReadOptions) -> ReadFragment {
+    let unsaid = options.unsaid;
     let ObjContent { meshes, materials, pictures, mut warnings } = read(asset, assets, unsaid)?;
     let rounded = meshes.iter().find_map(|mesh| precision_warning::mesh(mesh, Precision::Double));
     rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(asset.path.name())));

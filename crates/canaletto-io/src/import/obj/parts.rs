@@ -148,7 +148,7 @@ impl Parts {
             slots: if materials.len() < 2 { Vec::new() } else { slots.collect() },
             triangles: concat(self.pieces.into_iter().map(plain).collect()),
             materials,
-            one_sided: false,
+            ..Mesh::default()
         }
     }
 
@@ -238,7 +238,7 @@ impl Draft {
             triangles,
             slots,
             materials,
-            one_sided: false,
+            ..Mesh::default()
         }
     }
 }

@@ -21,7 +21,10 @@ use super::precision_warning::{self, Precision};
 use super::repair::repair_normals;
 use super::smooth::{Smoothing, smooth};
 use super::table_color::{self, Written};
-use super::{DefaultShading, Holds, ModelFormat, ReadFragment, attach_source, encoding, fragment_of, unreadable};
+use super::{
+    DefaultShading, Holds, ModelFormat, ReadFragment, ReadOptions, UpAxis, attach_source, encoding, fragment_of,
+    unreadable,
+};
 use crate::assets::{Assets, OpenAsset};
 use crate::content::View;
 use crate::diagnostic::Diagnostics;
@@ -37,10 +40,17 @@ use payload::{Payload, Row};
 use std::io;
 
 /// PLY in the table of formats.
-pub(super) const FORMAT: ModelFormat =
-    ModelFormat { name: "PLY", extensions: &["ply"], holds: Holds::Objects, read: read_model };
+pub(super) const FORMAT: ModelFormat = ModelFormat {
+    name: "PLY",
+    extensions: &["ply"],
+    holds: Holds::Objects,
+    up: UpAxis::Y,
+    read: read_model,
+    duration: None,
+};
 
-fn read_model(asset: &OpenAsset, _: &dyn Assets, unsaid: DefaultShading) -> ReadFragment {
+fn read_model(asset: &OpenAsset, _: &dyn Assets, options: &ReadOptions) -> ReadFragment {
+    let unsaid = options.unsaid;
     let view = asset.content.view();
     let failed = |e: &io::Error| Diagnostics::from(unreadable(e).error(asset.path.name()));
     let is_utf16 = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16).map_err(|e| failed(&e))?;

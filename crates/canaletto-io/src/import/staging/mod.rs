@@ -1,20 +1,30 @@
-//! Staging: the camera, lights and ground of what has none of its own, scaled by its size.
+//! Staging: the camera, light and ground of what has none of its own, scaled by its size.
+//!
+//! Pictures by paths get the light of an environment ([`studio`]). The classic integrators get lights of the chapter.
 
+mod classic_lights;
 mod fit_camera;
+mod framed_points;
 mod node_bounds;
+mod settings;
+mod studio;
 #[cfg(test)]
 mod tests;
 
 pub(super) use fit_camera::fit_camera;
+pub use settings::{Ground, Moment, PictureQuality, StageLight, Staging, StandardView, UpAxis};
 
-use canaletto::light::{Directional, DiskLight, Light, LightKind};
-use canaletto::material::{Material, Phong};
+use canaletto::light::environment::EnvironmentKind;
+use canaletto::material::{Material, MaterialModel, Phong, StandardSurface};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{
-    CameraProjection, Content, FilmSettings, Fragment, Intrinsics, Node, SamplePattern, Sampling, Scene, View,
+    CameraProjection, Content, Exposure, FilmSettings, Fragment, Intrinsics, Node, PathSettings, SamplePattern,
+    Sampling, Scene, Tone, View,
 };
-use canaletto::shape::{Disk, Mesh, Plane, Shape};
-use glam::DVec3;
+use canaletto::shape::{Plane, Shape};
+use framed_points::FramedMeshes;
+use glam::{DVec3, Vec3};
+use studio::{StageEnvironment, gray, stage_environment};
 
 /// The camera of models, without its placement.
 pub(super) const FRAMING: Intrinsics = Intrinsics {
@@ -40,66 +50,177 @@ pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
     fit_camera(corners.into_iter().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)
 }
 
-/// The scene of a model: its objects on a neutral ground, seen from the front, a little from the right and above (y is
-/// up, the front faces +z). The camera points down by more than half its angle of view, so that the horizon stays
-/// outside. Edges are sampled adaptively. Objects without a material get one like clay. A model with a camera keeps it,
-/// and a model with lights or an environment gets neither lights nor ground.
+/// The radiance of the background and of the floor, which is 0.78 on screen.
+const BACKGROUND: f64 = 0.6;
+
+/// The scene of a model. A model with a camera keeps it, and a model with lights or an environment gets neither light
+/// nor ground. The staging may say otherwise. `up` is the format's axis.
 ///
 /// `None` if the model's coordinates are too large to place a camera.
-pub(super) fn stage(model: Fragment) -> Option<Scene> {
+pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Option<Scene> {
+    if staging.up.unwrap_or(up) == UpAxis::Z {
+        turn_all(&mut model, &Transform::rotate(DVec3::X, -90.0).ok()?);
+    }
+    if staging.turn != 0.0 {
+        let turn = Transform::rotate(DVec3::Y, staging.turn).ok()?;
+        model
+            .nodes
+            .iter_mut()
+            .filter(|node| !matches!(node.content, Content::Light(_)))
+            .for_each(|node| turn_node(node, &turn));
+    }
+    if staging.light.is_some() {
+        remove_lights(&mut model);
+    }
     let is_lit = model.environment.is_some() || has_light(&model);
     let mut scene = Scene::default();
     scene.append(model);
-    scene.film = FilmSettings { sampling: DEFAULT_SAMPLING, ..FilmSettings::default() };
-    let clay = Phong { kd: Rgb::new(0.62, 0.58, 0.53), ks: Rgb::gray(0.12), n: 25.0, ..Phong::default() };
-    let clay = add(&mut scene.materials, Material::new("clay", clay));
-    for node in scene.nodes.iter_mut().filter(|node| node.material.is_none()) {
-        // A material on the node of a mesh would replace the mesh's own.
-        let has_own = match node.content {
-            Content::Mesh(index) => scene.meshes.get(index as usize).is_some_and(|mesh| !mesh.materials.is_empty()),
-            Content::Light(_) => true,
-            _ => false,
-        };
-        if !has_own {
-            node.material = Some(clay);
-        }
+    give_material(&mut scene, staging);
+    if staging.view.is_some() {
+        scene.views.clear();
     }
-    // All places are offsets from the origin of the first mesh.
-    let origin = scene.meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
-    let meshes: Vec<&Mesh> = scene.nodes.iter().filter_map(|node| mesh_in_place(&scene, node)).collect();
-    let others = scene.nodes.iter().filter(|node| mesh_in_place(&scene, node).is_none());
-    let mut corners = node_bounds::corners(&scene, others);
-    corners.iter_mut().for_each(|corner| *corner -= origin);
-    let points = || {
-        let vertices = meshes.iter().flat_map(|mesh| {
-            let shift = mesh.origin - origin;
-            mesh.triangles.iter().flatten().map(move |i| mesh.positions[*i as usize].as_dvec3() + shift)
-        });
-        vertices.chain(corners.iter().copied())
-    };
-    let view = match scene.views.is_empty() {
-        true => Some(fit_camera(points().map(|p| (p, 0.0)), direction_at(30.0, 20.0), DVec3::Y, FRAMING)?),
-        false => None,
-    };
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    points().for_each(|p| (low, high) = (low.min(p), high.max(p)));
-    if let Some(mut view) = view {
-        view.extrinsics.eye += origin;
-        view.extrinsics.center += origin;
+    let [towards, upwards] = staging.view.unwrap_or_default().directions();
+    let (view, [low, high]) = framed(&scene, towards, upwards)?;
+    if scene.views.is_empty() {
         scene.views.push(view);
     }
-    if !is_lit {
-        light(&mut scene, [low, high], &Transform::translate(origin))?;
+    match staging.classic {
+        true => {
+            scene.film = FilmSettings { sampling: DEFAULT_SAMPLING, ..FilmSettings::default() };
+            if !is_lit {
+                classic_lights::light(&mut scene, [low, high], staging)?;
+            }
+        }
+        false => {
+            scene.integrator = PathSettings::default().into();
+            scene.film = FilmSettings {
+                sampling: Sampling::Sampled(staging.quality.samples()),
+                tone: Some(Tone::PbrNeutral),
+                ..FilmSettings::default()
+            };
+            if !is_lit {
+                light(&mut scene, [low, high], staging);
+            }
+        }
     }
     Some(scene)
 }
 
-/// The mesh of a node that isn't moved.
-fn mesh_in_place<'a>(scene: &'a Scene, node: &Node) -> Option<&'a Mesh> {
-    match node.content {
-        Content::Mesh(index) if node.transform.is_usual() => scene.meshes.get(index as usize),
-        _ => None,
+/// Turns all that a model has.
+fn turn_all(model: &mut Fragment, turn: &Transform) {
+    model.nodes.iter_mut().for_each(|node| turn_node(node, turn));
+    let turned = |v: &mut DVec3| *v = turn.point(*v);
+    for view in &mut model.views {
+        for pose in view.motion.iter_mut().chain([&mut view.extrinsics]) {
+            [&mut pose.eye, &mut pose.center, &mut pose.up].into_iter().for_each(turned);
+        }
     }
+}
+
+fn turn_node(node: &mut Node, turn: &Transform) {
+    node.transform = turn.after(&node.transform).into();
+}
+
+/// Removes the lights of a model, with its environment.
+fn remove_lights(model: &mut Fragment) {
+    fn without_lights(nodes: &mut Vec<Node>, depth: usize) {
+        nodes.retain(|node| !matches!(node.content, Content::Light(_)));
+        for node in nodes.iter_mut().filter(|_| depth < Node::MAX_NESTING) {
+            if let Content::Group(children) = &mut node.content {
+                without_lights(children, depth + 1);
+            }
+        }
+    }
+    model.environment = None;
+    without_lights(&mut model.nodes, 0);
+    without_lights(&mut model.prototypes, 0);
+}
+
+/// Gives objects without a material that of the staging, or one like clay.
+fn give_material(scene: &mut Scene, staging: &Staging) {
+    let lacks = |node: &Node| {
+        // A material on the node of a mesh would replace the mesh's own.
+        node.material.is_none()
+            && match &node.content {
+                Content::Mesh(index) => scene.meshes.get(*index as usize).is_none_or(|mesh| mesh.materials.is_empty()),
+                Content::Group(children) => children.iter().any(|child| child.material.is_none()),
+                Content::Light(_) => false,
+                _ => true,
+            }
+    };
+    let lacking: Vec<usize> = (0..scene.nodes.len()).filter(|i| lacks(&scene.nodes[*i])).collect();
+    if lacking.is_empty() {
+        return;
+    }
+    let material = match staging.material {
+        Some(surface) => Material::new_standard("model", surface),
+        None => Material::new("clay", clay(staging)),
+    };
+    let material = add(&mut scene.materials, material);
+    lacking.into_iter().for_each(|i| scene.nodes[i].material = Some(material));
+}
+
+fn clay(staging: &Staging) -> MaterialModel {
+    let color = Rgb::new(0.62, 0.58, 0.53);
+    if staging.classic {
+        return Phong { kd: color, ks: Rgb::gray(0.12), n: 25.0, ..Phong::default() }.into();
+    }
+    let mut surface = StandardSurface::default();
+    (surface.base.color, surface.specular.roughness) = (color, 0.5);
+    surface.into()
+}
+
+/// The view that frames a scene from a direction, and the box around its objects.
+fn framed(scene: &Scene, towards: DVec3, up: DVec3) -> Option<(View, [DVec3; 2])> {
+    let mut meshes = FramedMeshes::new(scene);
+    let mut others: Vec<&Node> = scene.nodes.iter().filter(|node| !meshes.add(node)).collect();
+    if !meshes.are_few() {
+        (meshes, others) = (FramedMeshes::new(scene), scene.nodes.iter().collect());
+    }
+    // All places are offsets from the origin of the first mesh.
+    let origin = scene.meshes.first().map_or(DVec3::ZERO, |mesh| mesh.origin);
+    let corners = node_bounds::corners(scene, others.into_iter());
+    let points = || meshes.corners().chain(corners.iter().copied()).map(move |p| p - origin);
+    let mut view = fit_camera(points().map(|p| (p, 0.0)), towards, up, FRAMING)?;
+    view.extrinsics.eye += origin;
+    view.extrinsics.center += origin;
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points().for_each(|p| (low, high) = (low.min(p), high.max(p)));
+    Some((view, [low + origin, high + origin]))
+}
+
+/// Adds the staging's light and a floor under objects between `low` and `high`.
+fn light(scene: &mut Scene, [low, high]: [DVec3; 2], staging: &Staging) {
+    let which = staging.light.unwrap_or_default();
+    let view = &scene.views[0].extrinsics;
+    let towards = (view.eye - view.center).normalize_or(DVec3::Z);
+    let background = staging.background.map_or(BACKGROUND, |color| color.luminance().into());
+    let StageEnvironment { mut environment, image, floor } = stage_environment(which, towards, background);
+    if let (EnvironmentKind::LatLong { image: index, .. }, Some(image)) = (&mut environment.kind, image) {
+        *index = add(&mut scene.images, image);
+    }
+    scene.background = staging.background.unwrap_or(gray(BACKGROUND));
+    let is_sky = which == StageLight::Sky;
+    environment.visible = is_sky && staging.background.is_none();
+    scene.environment = Some(environment);
+    scene.film.exposure = if is_sky { None } else { Some(Exposure::Stops(0.0)) };
+    let color = match staging.ground {
+        Ground::None => return,
+        Ground::Color(color) => color,
+        Ground::Shadow if is_sky => Rgb::gray(0.4),
+        // The lit floor has the background's radiance, so that no horizon is seen.
+        Ground::Shadow => scene.background.map(|radiance| (f64::from(radiance) / floor).min(1.0) as f32),
+    };
+    let material = add(&mut scene.materials, Material::new("ground", Phong { kd: color, ..Phong::default() }));
+    add_ground(scene, [low, high], material);
+}
+
+/// Adds a floor under objects between `low` and `high`.
+fn add_ground(scene: &mut Scene, [low, high]: [DVec3; 2], material: u32) {
+    let middle = (low + high) / 2.0;
+    let place = Transform::translate(DVec3::new(middle.x, low.y, middle.z));
+    let plane = Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y });
+    scene.nodes.push(Node::from(plane).with_transform(&place).named("ground").with_material(material));
 }
 
 fn has_light(model: &Fragment) -> bool {
@@ -112,38 +233,6 @@ fn has_light(model: &Fragment) -> bool {
         }
     }
     false
-}
-
-/// Adds lights and a ground for objects between `low` and `high`, both relative to where `there` moves to. `None` if
-/// the coordinates are too large.
-fn light(scene: &mut Scene, [low, high]: [DVec3; 2], there: &Transform) -> Option<()> {
-    let middle = (low + high) / 2.0;
-    let size = (high - low).length().max(1e-30);
-    let ground = add(&mut scene.materials, Material::new("ground", Phong { kd: Rgb::gray(0.72), ..Phong::default() }));
-    let point = DVec3::new(middle.x, low.y, middle.z).as_vec3();
-    let plane = Node::from(Shape::Plane(Plane { point, normal: glam::Vec3::Y })).with_transform(there);
-    scene.nodes.push(plane.named("ground").with_material(ground));
-    // The key light at the left of the camera casts the shadow; the fill light at the right brightens it.
-    let key = DiskLight {
-        disk: Disk {
-            center: (middle + direction_at(-25.0, 50.0) * (3.0 * size)).as_vec3(),
-            normal: direction_at(-25.0, 50.0).as_vec3(),
-            radius: (0.2 * size) as f32,
-        },
-        points: 24,
-    };
-    if !(key.disk.center.is_finite() && key.disk.radius.is_finite()) {
-        return None;
-    }
-    let fill = Directional { towards: -direction_at(85.0, 25.0).as_vec3(), beam: None };
-    let light = |name: &str, kind, intensity, shadows| {
-        let light = Light { name: Some(name.into()), shadows, ..Light::new(kind, Rgb::gray(intensity)) };
-        Node::from(light).with_transform(there).named(name)
-    };
-    scene.nodes.push(light("key", LightKind::Disk(key), 0.85, true));
-    scene.nodes.push(light("fill", LightKind::Directional(fill), 0.2, false));
-    (scene.background, scene.ambient) = (Rgb::gray(0.7), Rgb::gray(0.16));
-    Some(())
 }
 
 /// Appends to a list; returns the index.
