@@ -112,6 +112,12 @@ impl<'a> Accessors<'a> {
         Ok(named(&self.document.accessors, index, "accessor")?.count)
     }
 
+    /// Says whether an accessor has numbers of its own, in a buffer or sparse. One without means zeros.
+    pub(super) fn has_values(&self, index: Index) -> Result<bool, Fault> {
+        let info = named(&self.document.accessors, index, "accessor")?;
+        Ok(info.buffer_view.is_some() || info.sparse.is_some())
+    }
+
     /// The number of components of an accessor's elements.
     pub(super) fn width(&self, index: Index) -> Result<usize, Fault> {
         let info = named(&self.document.accessors, index, "accessor")?;

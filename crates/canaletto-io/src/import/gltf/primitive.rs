@@ -52,6 +52,11 @@ pub(super) fn build(
         return Ok(None);
     };
     let count = accessors.count(position).map_err(|fault| fault.at_if_relative("/attributes/POSITION"))?;
+    if primitive.extensions.draco.is_some() && !accessors.has_values(position)? {
+        let fault = Fault::new("its vertices are compressed with Draco, which isn't read");
+        let help = "save the model without compression, or with meshopt instead";
+        return Err(fault.help(help).at("/extensions/KHR_draco_mesh_compression"));
+    }
     // The bytes of the vertices are there before anything is made as long as their count says.
     let vertices = vertices(accessors, primitive, count, warnings)?;
     let topology = topology(accessors, primitive, count, warnings)?;

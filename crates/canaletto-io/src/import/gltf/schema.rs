@@ -1,6 +1,7 @@
 //! The JSON of glTF 2.0 and of the extensions that are read, with the specification's names and defaults.
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
 /// An index into one of the document's lists.
@@ -172,6 +173,8 @@ pub(super) struct PrimitiveInfo {
 pub(super) struct PrimitiveExtensions {
     #[serde(rename = "KHR_materials_variants")]
     pub(super) variants: VariantMappings,
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub(super) draco: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Default, Deserialize)]

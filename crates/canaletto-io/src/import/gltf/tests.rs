@@ -561,6 +561,13 @@ fn mistakes_name_their_place() {
         assert!(told.contains(words), "{pointer}: {told}");
     }
     let mut model = square();
+    primitive(&mut model)["extensions"] =
+        json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": {} } });
+    assert!(model.fragment().is_ok(), "uncompressed vertices are read");
+    model.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    let told = model.fragment().unwrap_err();
+    assert!(told.contains("/extensions/KHR_draco_mesh_compression: its vertices are compressed"), "{told}");
+    let mut model = square();
     model.bytes[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
     let told = model.fragment().unwrap_err();
     assert!(told.contains("/meshes/0/primitives/0/attributes/POSITION: vertex 1"), "{told}");
