@@ -126,11 +126,10 @@ static OMNI: LightNode = light_node(
     ],
     "light \"omni\" { position 40 120 0; intensity 0.8 }",
     |_, f| {
-        let point = || f.numbers(&OMNI_POSITION).map(|p| Vec3::from_array(p.map(|v| v as f32)));
-        Some(LightKind::Omni(match f.numbers::<4>(&OMNI_POSITION) {
-            Some(p) => Omni { position: p.map(|v| v as f32), range: 0.0 },
-            None => Omni::at(point()?),
-        }))
+        let numbers = f.numbers::<4>(&OMNI_POSITION).map(|p| p.map(|v| v as f32));
+        let at = || f.numbers(&OMNI_POSITION).map(|p| Omni::at(Vec3::from_array(p.map(|v| v as f32))));
+        let omni = numbers.map(|position| Omni { position, range: 0.0 }).or_else(at)?;
+        Some(LightKind::Omni(Omni { range: range(f), ..omni }))
     },
 );
 
@@ -176,6 +175,11 @@ const RANGE: Field<f32> =
     Field::new("range", "the distance at which the light has ended: it is multiplied by 1 - (d / range)⁴")
         .or(|| "no end".into());
 
+/// The range of a light, 0 for no end.
+fn range(f: &Fields) -> f32 {
+    f.get(&RANGE).unwrap_or(0.0)
+}
+
 /// Two ways in which a spotlight falls off.
 pub(super) const INNER_OR_EXPONENT: [&str; 2] = [INNER.name(), EXPONENT.name()];
 
@@ -199,7 +203,7 @@ static SPOT: LightNode = light_node(
     "light \"spot\" { position 0 50 0; target 0 0 0; inner 20; outer 30 }",
     |decoder, f| {
         let (position, target) = (f.get(&SPOT_POSITION)?, f.get(&SPOT_TARGET)?);
-        Some(Spot { position, target, falloff: decoder.falloff(f)?, range: 0.0 }.into())
+        Some(Spot { position, target, falloff: decoder.falloff(f)?, range: range(f) }.into())
     },
 );
 
@@ -305,16 +309,9 @@ impl Decoder<'_> {
         light.name = fields.text(&NAME).map(Into::into);
         light.intensity = light.intensity * self.glow(&fields, &TEMPERATURE);
         light.shadows = fields.get(&SHADOWS).unwrap_or(light.shadows);
-        // Not all kinds have a surface or a distance.
+        // Not all kinds have a surface, an attenuation or a profile.
         if schema.word(SAMPLES.name()).is_some() {
             self.light_of_surface(&fields, &mut light);
-        }
-        if let Some(range) = fields.get(&RANGE).filter(|_| schema.word(RANGE.name()).is_some()) {
-            match &mut light.kind {
-                LightKind::Omni(omni) => omni.range = range,
-                LightKind::Spot(spot) => spot.range = range,
-                _ => {}
-            }
         }
         if schema.word(ATTENUATION.name()).is_some() {
             light.attenuation = fields.get(&ATTENUATION).map_or(light.attenuation, |v| v.to_array());
