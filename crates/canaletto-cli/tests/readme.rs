@@ -60,7 +60,7 @@ fn every_command_of_readme_works() {
         commands += 1;
     }
     assert!(commands >= 11, "{commands}");
-    for file in ["grand-canal.png", "fig-5.23b-shadow.png", "spot.png", "still-life.exr", "why.png", "cornell.glb"] {
+    for file in ["grand-canal.png", "fig-5.23b-shadow.png", "cake.png", "still-life.exr", "why.png", "cornell.glb"] {
         assert!(folder.path().join(file).exists(), "{file}");
     }
 }
