@@ -82,12 +82,13 @@ impl Model {
         let mut staging = Staging { classic: staging.classic || is_classic, ..staging.clone() };
         let mut timeline = Timeline { seconds: true, ..Timeline::default() };
         let mut length = None;
-        if staging.plays && staging.moment.is_none() && import::duration(file, assets, None)?.is_some() {
-            staging.moment = Some(Moment::default());
-        }
-        if let Some(moment) = &staging.moment {
+        if let Some(moment) = staging.moment.clone().or_else(|| staging.plays.then(Moment::default)) {
             length = import::duration(file, assets, moment.clip.as_deref())?.map(|length| length - moment.seconds);
             timeline.moves = length.is_some_and(|length| length > 0.0);
+            // Without clips a model that plays keeps its file's own pose.
+            if length.is_some() {
+                staging.moment = Some(moment);
+            }
         }
         timeline.moves |= staging.turntable.is_some();
         let mut model = Model { file: file.to_owned(), set: set.to_vec(), staging, length, timeline };

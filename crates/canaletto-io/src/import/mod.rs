@@ -64,7 +64,7 @@ pub fn extensions() -> Vec<&'static str> {
 /// The mistakes in the file, or that its format isn't supported.
 pub fn load(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<(Scene, Diagnostics), Diagnostics> {
     let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
-    let Staging { moment, variant, .. } = staging.clone();
+    let (moment, variant) = (staging.moment.clone(), staging.variant.clone());
     let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
     let (fragment, warnings) = read(format, &asset, assets, &options)?;
     let scene = match format.holds {

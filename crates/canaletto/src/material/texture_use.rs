@@ -211,7 +211,7 @@ impl Target {
         matches!(self, Target::Standard(target) if target.parameter().block == block)
     }
 
-    /// Whether overlays, heights and normals, whose values multiply nothing, aren't the target.
+    /// Whether a value may multiply what the target has. Those of overlays, heights and normals can't.
     pub fn takes_products(&self) -> bool {
         matches!(self, Target::Parameter(_) | Target::Standard(_) | Target::Cutout)
     }

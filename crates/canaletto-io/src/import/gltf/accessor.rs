@@ -97,6 +97,8 @@ struct Elements<'a> {
     rows: usize,
     /// The distance between columns, each of which starts at a multiple of 4 bytes.
     column: usize,
+    /// The bytes of an element.
+    size: usize,
     stride: usize,
     /// The bytes from the first element on; none for zeros.
     bytes: Option<&'a [u8]>,
@@ -107,20 +109,24 @@ impl<'a> Accessors<'a> {
         Accessors { document, buffers, zeros: Cell::new(0) }
     }
 
+    fn info(&self, index: Index) -> Result<&'a AccessorInfo, Fault> {
+        named(&self.document.accessors, index, "accessor")
+    }
+
     /// The number of elements of an accessor.
     pub(super) fn count(&self, index: Index) -> Result<usize, Fault> {
-        Ok(named(&self.document.accessors, index, "accessor")?.count)
+        Ok(self.info(index)?.count)
     }
 
     /// Says whether an accessor has numbers of its own, in a buffer or sparse. One without means zeros.
     pub(super) fn has_values(&self, index: Index) -> Result<bool, Fault> {
-        let info = named(&self.document.accessors, index, "accessor")?;
+        let info = self.info(index)?;
         Ok(info.buffer_view.is_some() || info.sparse.is_some())
     }
 
     /// The number of components of an accessor's elements.
     pub(super) fn width(&self, index: Index) -> Result<usize, Fault> {
-        let info = named(&self.document.accessors, index, "accessor")?;
+        let info = self.info(index)?;
         Ok(shape(&info.kind).map_or(0, |[columns, rows]| columns * rows))
     }
 
@@ -141,7 +147,7 @@ impl<'a> Accessors<'a> {
         number: impl Fn(Component, bool, &[u8]) -> Option<T>,
         zero: T,
     ) -> Result<Vec<[T; N]>, Fault> {
-        let info = named(&self.document.accessors, index, "accessor")?;
+        let info = self.info(index)?;
         let read = || {
             let elements = self.elements(info)?;
             if elements.columns * elements.rows != width {
@@ -189,7 +195,7 @@ impl<'a> Accessors<'a> {
                     format!("is {}, without a buffer view: at most {MOST_ZEROS} elements are zeros", info.count);
                 return Err(Fault::new(message).at("/count"));
             }
-            return Ok(Elements { info, component, columns, rows, column, stride: size, bytes: None });
+            return Ok(Elements { info, component, columns, rows, column, size, stride: size, bytes: None });
         };
         let ViewBytes { bytes, stride } = self.buffers.view(view)?;
         let stride = stride.unwrap_or(size);
@@ -199,7 +205,7 @@ impl<'a> Accessors<'a> {
             return Err(Fault::new(message));
         }
         let bytes = within(bytes, info.byte_offset, stride, size, info.count)?;
-        Ok(Elements { info, component, columns, rows, column, stride, bytes: Some(bytes) })
+        Ok(Elements { info, component, columns, rows, column, size, stride, bytes: Some(bytes) })
     }
 
     /// Puts sparse values in their places.
@@ -226,7 +232,7 @@ impl<'a> Accessors<'a> {
             .map_err(|fault| fault.at("/sparse/indices"))?;
         let values = self.buffers.view(sparse.values.buffer_view)?.bytes;
         // Sparse values are tightly packed.
-        let stride = elements.column * (elements.columns - 1) + elements.component.size() * elements.rows;
+        let stride = elements.size;
         let values = within(values, sparse.values.byte_offset, stride, stride, sparse.count)
             .map_err(|fault| fault.at("/sparse/values"))?;
         let count = all.len();

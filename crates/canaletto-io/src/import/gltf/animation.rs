@@ -27,12 +27,11 @@ pub(super) fn clip<'a>(document: &'a Document, name: Option<&str>) -> Result<(us
     };
     wanted.map(|(_, i, clip)| (*i, *clip)).ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
-        match (name, names.is_empty()) {
-            (_, true) => Fault::new("it has no animation"),
-            (Some(name), false) => {
+        match name.filter(|_| !names.is_empty()) {
+            Some(name) => {
                 Fault::new(format!("it has no clip \"{name}\"")).help(format!("its clips are {}", names.join(", ")))
             }
-            (None, false) => Fault::new("it has no animation"),
+            None => Fault::new("it has no animation"),
         }
     })
 }

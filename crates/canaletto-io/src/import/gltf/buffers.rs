@@ -3,7 +3,7 @@
 use super::fault::{Fault, named};
 use super::meshopt;
 use super::schema::{CompressedView, Document, Index};
-use crate::assets::{AssetError, AssetPath, Assets};
+use crate::assets::{AssetPath, Assets};
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use std::borrow::Cow;
@@ -150,15 +150,7 @@ impl Files<'_> {
     /// The file that a URI names.
     pub(super) fn file(&self, uri: &str) -> Result<crate::assets::Asset, Fault> {
         let path = file_name(uri)?;
-        self.assets.read(&path, self.from).map_err(|error| of_asset(&error))
-    }
-}
-
-fn of_asset(error: &AssetError) -> Fault {
-    let fault = Fault::new(error.to_string());
-    match error.help() {
-        Some(help) => fault.help(help),
-        None => fault,
+        self.assets.read(&path, self.from).map_err(|error| Fault::of(&error, error.help()))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::diagnostic::Diagnostic;
 use serde_path_to_error::{Path, Segment};
+use std::fmt::Display;
 
 /// A sentence about a place in a document.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,11 @@ impl Fault {
     /// A fault of what [`Fault::at`] names.
     pub(super) fn new(message: impl Into<String>) -> Fault {
         Fault { pointer: String::new(), message: message.into(), help: None }
+    }
+
+    /// An error that has a hint or none.
+    pub(super) fn of(error: &impl Display, help: Option<impl Into<String>>) -> Fault {
+        Fault { help: help.map(Into::into), ..Fault::new(error.to_string()) }
     }
 
     /// Sets the hint.

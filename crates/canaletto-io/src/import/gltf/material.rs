@@ -43,13 +43,11 @@ impl<'a> Materials<'a> {
             None => &default,
         };
         let is_body = info.extensions.volume.as_ref().is_some_and(|volume| volume.thickness_factor > 0.0);
-        let set =
-            |texture: &TextureRef| texture.extensions.transform.and_then(|t| t.tex_coord).unwrap_or(texture.tex_coord);
         let [r, g, b, _] = info.pbr_metallic_roughness.base_color_factor;
         Ok(OfPrimitive {
             // Light leaves a clear body from inside.
             one_sided: index.is_some() && !info.double_sided && !is_body,
-            tangent_set: info.normal_texture.as_ref().map(set),
+            tangent_set: info.normal_texture.as_ref().map(TextureRef::uv_set),
             color: Rgb::new(r, g, b),
         })
     }
@@ -123,6 +121,21 @@ impl Maker<'_, '_> {
         self.uses.extend(used);
     }
 
+    /// Replaces a target by a texture, if there is one, whose values 0 and 1 stand for the ends of a range.
+    fn map_range(&mut self, texture: Option<&TextureRef>, target: Target, channel: Channel, range: [f32; 2]) {
+        let Some(texture) = texture else { return };
+        let used = self.textures.used(texture, target, channel, self.warnings);
+        self.uses.extend(used.map(|used| TextureUse { range, multiply: false, ..used }));
+    }
+
+    /// Multiplies a target by the colours of vertices, if there are any.
+    fn vertex_colors(&mut self, has_colors: bool, target: Target) {
+        if has_colors {
+            let colors = self.textures.vertex_color();
+            self.uses.push(TextureUse { multiply: true, ..TextureUse::new(colors, target) });
+        }
+    }
+
     /// A number of the document, moved into its range with a warning.
     fn number(&mut self, value: f32, [low, high]: [f32; 2], place: &str) -> f32 {
         if (low..=high).contains(&value) {
@@ -177,10 +190,7 @@ impl Maker<'_, '_> {
         surface.base.color = self.color([r, g, b], [0.0, 1.0], place);
         surface.base.metalness = self.unit(pbr.metallic_factor, "/pbrMetallicRoughness/metallicFactor");
         surface.specular.roughness = self.unit(pbr.roughness_factor, "/pbrMetallicRoughness/roughnessFactor");
-        if has_colors {
-            let colors = self.textures.vertex_color();
-            self.uses.push(TextureUse { multiply: true, ..TextureUse::new(colors, DIFFUSE) });
-        }
+        self.vertex_colors(has_colors, DIFFUSE);
         self.map(pbr.base_color_texture.as_ref(), DIFFUSE, Channel::Luminance);
         self.map(pbr.metallic_roughness_texture.as_ref(), standard("metalness"), Channel::Blue);
         self.map(pbr.metallic_roughness_texture.as_ref(), ROUGHNESS, Channel::Green);
@@ -249,17 +259,11 @@ impl Maker<'_, '_> {
         // What is mirrored isn't scattered. With a texture, the surface's own layers see to that.
         let is_even = model.specular_glossiness_texture.is_none();
         surface.base.color = if is_even { diffuse * (1.0 - f0.max_component()) } else { diffuse };
-        if has_colors {
-            let colors = self.textures.vertex_color();
-            self.uses.push(TextureUse { multiply: true, ..TextureUse::new(colors, DIFFUSE) });
-        }
+        self.vertex_colors(has_colors, DIFFUSE);
         self.map(model.diffuse_texture.as_ref(), DIFFUSE, Channel::Luminance);
         self.map(model.specular_glossiness_texture.as_ref(), standard("specular-color"), Channel::Luminance);
-        if let Some(texture) = &model.specular_glossiness_texture {
-            let used = self.textures.used(texture, ROUGHNESS, Channel::Alpha, self.warnings);
-            let range = [1.0, 1.0 - glossiness];
-            self.uses.extend(used.map(|used| TextureUse { range, multiply: false, ..used }));
-        }
+        let texture = model.specular_glossiness_texture.as_ref();
+        self.map_range(texture, ROUGHNESS, Channel::Alpha, [1.0, 1.0 - glossiness]);
         self.unit(alpha, &format!("{place}/diffuseFactor"))
     }
 
@@ -323,11 +327,8 @@ impl Maker<'_, '_> {
                 .map(|thickness| if thickness.is_finite() { thickness.max(0.0) / 1000.0 } else { 0.0 });
             surface.thin_film.thickness = high;
             self.map(film.iridescence_texture.as_ref(), standard("thin-film-weight"), Channel::Red);
-            if let Some(texture) = &film.iridescence_thickness_texture {
-                let target = standard("thin-film-thickness");
-                let used = self.textures.used(texture, target, Channel::Green, self.warnings);
-                self.uses.extend(used.map(|used| TextureUse { range: [low, high], multiply: false, ..used }));
-            }
+            let texture = film.iridescence_thickness_texture.as_ref();
+            self.map_range(texture, standard("thin-film-thickness"), Channel::Green, [low, high]);
         }
     }
 
@@ -381,11 +382,7 @@ impl Maker<'_, '_> {
             }
         }
         material.coverage = alpha;
-        if has_colors {
-            let colors = self.textures.vertex_color();
-            let used = TextureUse::new(colors, Target::Cutout);
-            self.uses.push(TextureUse { multiply: true, ..used });
-        }
+        self.vertex_colors(has_colors, Target::Cutout);
         let texture = match &info.extensions.specular_glossiness {
             Some(model) => model.diffuse_texture.as_ref(),
             None => info.pbr_metallic_roughness.base_color_texture.as_ref(),

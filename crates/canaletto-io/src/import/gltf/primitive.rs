@@ -135,14 +135,13 @@ fn vertices(
     let mut vertices = Vertices::default();
     for (name, &index) in &primitive.attributes {
         let place = format!("/attributes/{name}");
-        let read = || {
+        let mut read = || {
             let own = accessors.count(index)?;
             if own != count {
                 return Err(Fault::new(format!("it has {own} elements, but POSITION has {count}")));
             }
             vertices.read(accessors, name, index)
         };
-        let mut read = read;
         read().map_err(|fault: Fault| fault.at_if_relative(&place))?;
     }
     let strange = vertices.repair();

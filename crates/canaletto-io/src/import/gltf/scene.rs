@@ -164,8 +164,7 @@ impl<'a> SceneReader<'a> {
         if parts.is_empty() {
             return Ok(());
         }
-        let name = [&node.name, &mesh.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = name.map(|name| Box::from(name.as_str()));
+        let name = first_name(&node.name, &mesh.name).map(Box::from);
         if let Some(instancing) = &node.extensions.instancing {
             return self.instances(instancing, name, parts, place);
         }
@@ -195,7 +194,7 @@ impl<'a> SceneReader<'a> {
         let mut parts = Vec::new();
         for (k, primitive) in mesh.primitives.iter().enumerate() {
             let pointer = format!("/meshes/{index}/primitives/{k}");
-            let build = || -> Result<Option<Node>, Fault> {
+            let mut build = || -> Result<Option<Node>, Fault> {
                 let variants = primitive.extensions.variants.mappings.iter();
                 let own =
                     variants.clone().find(|mapping| self.variant.is_some_and(|own| mapping.variants.contains(&own)));
@@ -230,7 +229,6 @@ impl<'a> SceneReader<'a> {
                 let material = self.materials.material(material, has_colors, &mut self.warnings)?;
                 Ok(Some(Node { material, ..Node::new(content) }))
             };
-            let mut build = build;
             parts.extend(build().map_err(|fault| fault.at_if_relative(&pointer))?);
         }
         Ok(parts)
@@ -282,15 +280,17 @@ impl<'a> SceneReader<'a> {
         place: &DAffine3,
     ) -> Result<(), Fault> {
         const PLACE: &str = "/extensions/EXT_mesh_gpu_instancing/attributes";
-        let accessors = self.accessors;
-        let index = |word: &str| instancing.attributes.get(word).copied();
-        let of = |word: &str, fault: Fault| fault.at_if_relative(&format!("{PLACE}/{word}"));
-        let translations = index("TRANSLATION").map(|i| accessors.numbers::<3>(i)).transpose();
-        let translations = translations.map_err(|fault| of("TRANSLATION", fault))?;
-        let rotations = index("ROTATION").map(|i| accessors.numbers::<4>(i)).transpose();
-        let rotations = rotations.map_err(|fault| of("ROTATION", fault))?;
-        let scales = index("SCALE").map(|i| accessors.numbers::<3>(i)).transpose();
-        let scales = scales.map_err(|fault| of("SCALE", fault))?;
+        fn attribute<const N: usize>(
+            accessors: &Accessors,
+            instancing: &Instancing,
+            word: &str,
+        ) -> Result<Option<Vec<[f32; N]>>, Fault> {
+            let numbers = instancing.attributes.get(word).map(|index| accessors.numbers::<N>(*index)).transpose();
+            numbers.map_err(|fault| fault.at_if_relative(&format!("{PLACE}/{word}")))
+        }
+        let translations = attribute::<3>(self.accessors, instancing, "TRANSLATION")?;
+        let rotations = attribute::<4>(self.accessors, instancing, "ROTATION")?;
+        let scales = attribute::<3>(self.accessors, instancing, "SCALE")?;
         let counts =
             [translations.as_ref().map(Vec::len), rotations.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
         let Some(count) = counts.into_iter().flatten().max() else {
@@ -363,11 +363,15 @@ impl<'a> SceneReader<'a> {
     fn camera(&mut self, node: &NodeInfo, index: Index, place: &DAffine3) -> Result<(), Fault> {
         let camera = named(&self.document.cameras, index, "camera").map_err(|fault| fault.at("/camera"))?;
         let pointer = format!("/cameras/{index}");
-        let name = [&node.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = name.cloned().unwrap_or_else(|| format!("camera {index}"));
+        let name = first_name(&node.name, &camera.name).map_or_else(|| format!("camera {index}"), str::to_owned);
         let is_taken = self.fragment.views.iter().any(|view| view.name == name);
         let name = if is_taken { format!("{name} ({})", self.fragment.views.len()) } else { name };
         let height = |aspect: f64| (f64::from(FRAMING.width) / aspect).round().clamp(1.0, MOST_PIXELS) as u32;
+        let clipped = |near: Option<f64>, far: Option<f64>| Intrinsics {
+            near: near.filter(|near| *near > 0.0),
+            far: far.filter(|far| near.is_none_or(|near| *far > near)),
+            ..FRAMING
+        };
         let intrinsics = match (camera.kind.as_str(), &camera.perspective, &camera.orthographic) {
             ("perspective", Some(lens), _) => {
                 if !(lens.yfov > 0.0 && lens.yfov < std::f64::consts::PI) {
@@ -378,9 +382,7 @@ impl<'a> SceneReader<'a> {
                 Intrinsics {
                     fovy: lens.yfov.to_degrees(),
                     height: aspect.map_or(FRAMING.height, height),
-                    near: lens.znear.filter(|near| *near > 0.0),
-                    far: lens.zfar.filter(|far| lens.znear.is_none_or(|near| *far > near)),
-                    ..FRAMING
+                    ..clipped(lens.znear, lens.zfar)
                 }
             }
             ("orthographic", _, Some(lens)) => {
@@ -392,9 +394,7 @@ impl<'a> SceneReader<'a> {
                 Intrinsics {
                     projection: CameraProjection::Orthographic { height: 2.0 * ymag },
                     height: height(xmag / ymag),
-                    near: lens.znear.filter(|near| *near > 0.0),
-                    far: lens.zfar.filter(|far| lens.znear.is_none_or(|near| *far > near)),
-                    ..FRAMING
+                    ..clipped(lens.znear, lens.zfar)
                 }
             }
             (kind, ..) => {
@@ -418,7 +418,7 @@ impl<'a> SceneReader<'a> {
         let light: &PunctualLight =
             named(lights, index, "light").map_err(|fault| fault.at("/extensions/KHR_lights_punctual/light"))?;
         let pointer = format!("/extensions/KHR_lights_punctual/lights/{index}");
-        let name = [&node.name, &light.name].into_iter().flatten().find(|name| !name.is_empty()).cloned();
+        let name: Option<Box<str>> = first_name(&node.name, &light.name).map(Box::from);
         let color = light.color.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 });
         if !(light.intensity.is_finite() && light.intensity >= 0.0) {
             let message = format!("is {}; it must be 0 or more", light.intensity);
@@ -456,9 +456,9 @@ impl<'a> SceneReader<'a> {
         if light.kind != "directional" {
             made.attenuation = [0.0, 0.0, 1.0];
         }
-        made.name = name.clone().map(Into::into);
+        made.name = name.clone();
         let points = [place.translation, place.translation + ahead * aim(place.translation)];
-        let node = Node { name: name.map(Into::into), ..Node::from(made) };
+        let node = Node { name, ..Node::from(made) };
         self.fragment.nodes.push(node.with_points(&points));
         Ok(())
     }
@@ -466,6 +466,11 @@ impl<'a> SceneReader<'a> {
 
 /// The most pixels along a side of a picture that a camera asks for.
 const MOST_PIXELS: f64 = 16384.0;
+
+/// The first of two names that isn't missing or empty.
+fn first_name<'n>(own: &'n Option<String>, other: &'n Option<String>) -> Option<&'n str> {
+    [own, other].into_iter().flatten().map(String::as_str).find(|name| !name.is_empty())
+}
 
 /// The distance of a point on a spotlight's axis, far enough that `f32` tells it from the light.
 fn aim(position: DVec3) -> f64 {

@@ -324,6 +324,13 @@ pub(super) struct TextureRef {
     pub(super) extensions: TextureRefExtensions,
 }
 
+impl TextureRef {
+    /// The set of texture coordinates, which KHR_texture_transform may replace.
+    pub(super) fn uv_set(&self) -> u32 {
+        self.extensions.transform.and_then(|transform| transform.tex_coord).unwrap_or(self.tex_coord)
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct TextureRefExtensions {

@@ -38,10 +38,10 @@ impl<'a> Textures<'a> {
         let space = if target.takes_color() || channel == Channel::Alpha { ColorSpace::Srgb } else { ColorSpace::Raw };
         match self.texture(texture.index, space, warnings) {
             Ok(index) => {
-                let transform = texture.extensions.transform;
+                let transform = texture.extensions.transform.as_ref();
                 let mapping = Mapping {
-                    transform: transform.as_ref().map_or(Transform::IDENTITY, placement),
-                    uv_set: transform.and_then(|t| t.tex_coord).unwrap_or(texture.tex_coord),
+                    transform: transform.map_or(Transform::IDENTITY, placement),
+                    uv_set: texture.uv_set(),
                     ..Mapping::default()
                 };
                 let multiply = target.takes_products();
@@ -142,10 +142,7 @@ impl<'a> Textures<'a> {
             }
             (Some(uri), None) => self.buffers.files().file(uri).map_err(|fault| fault.at("/uri"))?,
         };
-        let (image, notes) = read_image(&asset).map_err(|error| {
-            let fault = Fault::new(error.to_string());
-            error.help().map_or(fault.clone(), |help| fault.help(help))
-        })?;
+        let (image, notes) = read_image(&asset).map_err(|error| Fault::of(&error, error.help()))?;
         let sum: u64 = self.images.iter().chain([&image]).map(|image| image.samples.bytes() as u64).sum();
         if sum > MAX_IMAGE_BYTES {
             let message = format!("the model's pictures take more than {} GiB of memory", MAX_IMAGE_BYTES >> 30);

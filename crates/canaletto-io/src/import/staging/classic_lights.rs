@@ -1,12 +1,11 @@
 //! The lights of staged models for the classic integrators.
 
-use super::{Ground, Staging, add, direction_at};
+use super::{Ground, Staging, add_ground, direction_at};
 use canaletto::light::{Directional, DiskLight, Light, LightKind};
-use canaletto::material::{Material, Phong};
 use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Node, Scene};
-use canaletto::shape::{Disk, Plane, Shape};
-use glam::{DVec3, Vec3};
+use canaletto::shape::Disk;
+use glam::DVec3;
 
 /// Adds lights and a ground for objects between `low` and `high`. `None` if the coordinates are too large.
 pub(super) fn light(scene: &mut Scene, bounds: [DVec3; 2], staging: &Staging) -> Option<()> {
@@ -21,10 +20,7 @@ pub(super) fn light(scene: &mut Scene, bounds: [DVec3; 2], staging: &Staging) ->
         Ground::Color(color) => Some(color),
     };
     if let Some(kd) = floor {
-        let ground = add(&mut scene.materials, Material::new("ground", Phong { kd, ..Phong::default() }));
-        let point = DVec3::new(middle.x, low.y, middle.z).as_vec3();
-        let plane = Node::from(Shape::Plane(Plane { point, normal: Vec3::Y })).with_transform(there);
-        scene.nodes.push(plane.named("ground").with_material(ground));
+        add_ground(scene, kd, DVec3::new(middle.x, low.y, middle.z).as_vec3(), there);
     }
     // The key light at the left of the camera casts the shadow; the fill light at the right brightens it.
     let key = DiskLight {

@@ -211,16 +211,16 @@ fn light(scene: &mut Scene, [low, high]: [DVec3; 2], staging: &Staging) {
         // The lit floor has the background's radiance, so that no horizon is seen.
         Ground::Shadow => scene.background.map(|radiance| (f64::from(radiance) / floor).min(1.0) as f32),
     };
-    let material = add(&mut scene.materials, Material::new("ground", Phong { kd: color, ..Phong::default() }));
-    add_ground(scene, [low, high], material);
-}
-
-/// Adds a floor under objects between `low` and `high`.
-fn add_ground(scene: &mut Scene, [low, high]: [DVec3; 2], material: u32) {
     let middle = (low + high) / 2.0;
     let place = Transform::translate(DVec3::new(middle.x, low.y, middle.z));
-    let plane = Shape::Plane(Plane { point: Vec3::ZERO, normal: Vec3::Y });
-    scene.nodes.push(Node::from(plane).with_transform(&place).named("ground").with_material(material));
+    add_ground(scene, color, Vec3::ZERO, &place);
+}
+
+/// Adds a floor of a colour through a point, which is placed.
+fn add_ground(scene: &mut Scene, kd: Rgb, point: Vec3, place: &Transform) {
+    let material = add(&mut scene.materials, Material::new("ground", Phong { kd, ..Phong::default() }));
+    let plane = Node::from(Shape::Plane(Plane { point, normal: Vec3::Y }));
+    scene.nodes.push(plane.with_transform(place).named("ground").with_material(material));
 }
 
 fn has_light(model: &Fragment) -> bool {

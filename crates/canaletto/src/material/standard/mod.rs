@@ -51,9 +51,9 @@ pub struct StandardSurface {
     pub emission: StandardEmission,
     /// Whether the surface is a sheet with no inside, which looks the same from both sides.
     pub thin_walled: bool,
-    /// Whether a dielectric reflects by Schlick's curve, as glTF has it (the generalized Schlick of MaterialX): from
-    /// the specular colour × F0 of the index × the specular weight at right angles, to that weight at the rim. The
-    /// specular weight and colour then have no effect on metals. Otherwise Fresnel's equations hold.
+    /// Whether a dielectric reflects by Schlick's curve, as in glTF and in the generalized Schlick of MaterialX. F0 is
+    /// the specular colour times the index's reflection times the specular weight, F90 is that weight. Both then have
+    /// no effect on metals. Otherwise Fresnel's equations hold.
     pub schlick: bool,
 }
 

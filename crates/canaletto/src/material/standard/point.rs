@@ -16,8 +16,7 @@ impl StandardSurface {
         phong
     }
 
-    /// Sets the coefficients of (5.39b) to those nearest to the surface with the roughness that
-    /// `phong` has.
+    /// Sets the coefficients of (5.39b) to those nearest to the surface with the roughness that `phong` has.
     ///
     /// kd is the diffuse colour. A point light's highlight has the height of the microfacets' peak at right angles,
     /// F0 / (4 α²), up to F0, and Phong's exponent of Blinn's, (2/α² − 2) / 4 (Fisher & Woo, *R.E versus N.H Specular
@@ -27,14 +26,16 @@ impl StandardSurface {
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_walled, .. } = self;
         let metal = base.metalness;
         let ior = self.ior();
-        let [reflection, f0] = match self.schlick {
-            true => [self.schlick_ends()[0], Rgb::gray(self.schlick_ends()[0].luminance())],
+        let (reflection, f0) = match self.schlick {
+            true => {
+                let [f0, _] = self.schlick_ends();
+                (f0, f0.luminance())
+            }
             false => {
-                let f0 = Rgb::gray(layers::reflection_at_right_angles(ior.into()) as f32);
-                [specular.color * f0, f0]
+                let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
+                (specular.color * f0, f0)
             }
         };
-        let f0 = f0.g;
         let coat_f0 = layers::reflection_at_right_angles(coat.ior.into()) as f32 * coat.weight;
         let base_color = base.color * base.weight;
         let opaque = base_color * (1.0 - subsurface.weight) + subsurface.color * subsurface.weight;
