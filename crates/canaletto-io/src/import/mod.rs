@@ -8,6 +8,7 @@ mod cloud;
 mod color;
 mod colormap;
 mod concat;
+mod draco;
 mod encoding;
 mod formats;
 mod gltf;

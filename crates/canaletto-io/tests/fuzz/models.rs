@@ -211,20 +211,50 @@ fn renumbered(bytes: &mut Vec<u8>) {
     bytes[8..12].copy_from_slice(&length);
 }
 
-#[test]
-fn gltf() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds/gltf");
+/// The files of a folder of seeds.
+fn seeds_of(folder: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds").join(folder);
     let mut paths: Vec<PathBuf> = fs::read_dir(folder).expect("seeds").map(|e| e.expect("an entry").path()).collect();
     paths.sort();
-    let all: Vec<Vec<u8>> = paths.iter().map(|path| fs::read(path).expect("a file")).collect();
-    run("gltf", &all, 600, renumbered, |bytes| {
-        if let Ok((scene, warnings)) = load("a.glb", &MemoryAssets::new().with("a.glb", bytes), &Staging::default()) {
-            scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
-            scene.spheres.iter().for_each(|cloud| cloud.check().expect("spheres that can be used"));
-            scene.cylinders.iter().for_each(|cloud| cloud.check().expect("cylinders that can be used"));
-            scene.materials.iter().for_each(|material| material.check().expect("a material that can be used"));
-            assert!(warnings.len() < 100, "{} warnings", warnings.len());
-        }
-        Outcome::Ordinary
-    });
+    paths.iter().map(|path| fs::read(path).expect("a file")).collect()
+}
+
+fn read_glb(bytes: &[u8]) -> Outcome {
+    if let Ok((scene, warnings)) = load("a.glb", &MemoryAssets::new().with("a.glb", bytes), &Staging::default()) {
+        scene.meshes.iter().for_each(|mesh| mesh.check().expect("a mesh that can be used"));
+        scene.spheres.iter().for_each(|cloud| cloud.check().expect("spheres that can be used"));
+        scene.cylinders.iter().for_each(|cloud| cloud.check().expect("cylinders that can be used"));
+        scene.materials.iter().for_each(|material| material.check().expect("a material that can be used"));
+        assert!(warnings.len() < 100, "{} warnings", warnings.len());
+    }
+    Outcome::Ordinary
+}
+
+#[test]
+fn gltf() {
+    run("gltf", &seeds_of("gltf"), 600, renumbered, read_glb);
+}
+
+/// A GLB whose only primitive is this stream.
+fn glb_of_draco(stream: &[u8]) -> Vec<u8> {
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "buffers":[{{"byteLength":{0}}}],"bufferViews":[{{"buffer":0,"byteLength":{0}}}],
+        "accessors":[{{"componentType":5126,"count":9,"type":"VEC3"}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"extensions":{{"KHR_draco_mesh_compression":
+        {{"bufferView":0,"attributes":{{"POSITION":0}}}}}}}}]}}]}}"#,
+        stream.len()
+    );
+    let word = |length: usize| (length as u32).to_le_bytes();
+    let (json, mut data) = (json.as_bytes(), stream.to_vec());
+    let json = [json, &b"   "[..json.len().next_multiple_of(4) - json.len()]].concat();
+    data.resize(data.len().next_multiple_of(4), 0);
+    let length = word(28 + json.len() + data.len());
+    let head = [*b"glTF", word(2), length, word(json.len()), *b"JSON"].concat();
+    [head, json, word(data.len()).to_vec(), b"BIN\0".to_vec(), data].concat()
+}
+
+#[test]
+fn draco() {
+    run("draco", &seeds_of("draco"), 600, |_| (), |bytes| read_glb(&glb_of_draco(bytes)));
 }

@@ -4,7 +4,7 @@
 use super::buffers::{Buffers, ViewBytes};
 use super::fault::{Fault, named};
 use super::schema::{AccessorInfo, Document, Index, Sparse};
-use std::cell::Cell;
+use crate::import::draco::Mesh;
 
 /// A component type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub(super) enum Component {
 }
 
 impl Component {
-    fn of(code: u32) -> Option<Component> {
+    pub(super) fn of(code: u32) -> Option<Component> {
         Some(match code {
             5120 => Component::I8,
             5121 => Component::U8,
@@ -65,7 +65,7 @@ impl Component {
 }
 
 /// The form of an element: its columns and rows.
-fn shape(kind: &str) -> Option<[usize; 2]> {
+pub(super) fn shape(kind: &str) -> Option<[usize; 2]> {
     Some(match kind {
         "SCALAR" => [1, 1],
         "VEC2" => [1, 2],
@@ -85,14 +85,23 @@ const MOST_ZEROS: usize = 1 << 24;
 pub(super) struct Accessors<'a> {
     pub(super) document: &'a Document,
     pub(super) buffers: &'a Buffers<'a>,
-    /// The elements without bytes so far.
-    zeros: Cell<usize>,
+    /// What a compressed primitive has in place of accessors' own elements.
+    pub(super) unpacked: Unpacked<'a>,
+}
+
+/// What a compressed primitive has in place of accessors' own elements.
+#[derive(Default)]
+pub(super) struct Unpacked<'a> {
+    pub(super) mesh: Option<&'a Mesh>,
+    /// The elements by their accessors.
+    pub(super) elements: Vec<(Index, Elements<'a>)>,
 }
 
 /// A checked accessor: the bytes of its elements, and how they are read.
-struct Elements<'a> {
+#[derive(Clone, Copy)]
+pub(super) struct Elements<'a> {
     info: &'a AccessorInfo,
-    component: Component,
+    pub(super) component: Component,
     columns: usize,
     rows: usize,
     /// The distance between columns, each of which starts at a multiple of 4 bytes.
@@ -100,13 +109,27 @@ struct Elements<'a> {
     /// The bytes of an element.
     size: usize,
     stride: usize,
+    pub(super) count: usize,
+    /// Whether integers stand for fractions of the largest one.
+    normalized: bool,
     /// The bytes from the first element on; none for zeros.
     bytes: Option<&'a [u8]>,
 }
 
+impl<'a> Unpacked<'a> {
+    fn elements(&self, index: Index) -> Option<Elements<'a>> {
+        self.elements.iter().find(|(own, _)| *own == index).map(|(_, elements)| *elements)
+    }
+}
+
 impl<'a> Accessors<'a> {
     pub(super) fn new(document: &'a Document, buffers: &'a Buffers<'a>) -> Accessors<'a> {
-        Accessors { document, buffers, zeros: Cell::new(0) }
+        Accessors { document, buffers, unpacked: Unpacked::default() }
+    }
+
+    /// The accessors of a compressed primitive.
+    pub(super) fn with(&self, unpacked: Unpacked<'a>) -> Accessors<'a> {
+        Accessors { unpacked, ..*self }
     }
 
     fn info(&self, index: Index) -> Result<&'a AccessorInfo, Fault> {
@@ -115,7 +138,8 @@ impl<'a> Accessors<'a> {
 
     /// The number of elements of an accessor.
     pub(super) fn count(&self, index: Index) -> Result<usize, Fault> {
-        Ok(self.info(index)?.count)
+        let own = self.info(index)?.count;
+        Ok(self.unpacked.elements(index).map_or(own, |elements| elements.count))
     }
 
     /// Says whether an accessor has numbers of its own, in a buffer or sparse. One without means zeros.
@@ -149,20 +173,20 @@ impl<'a> Accessors<'a> {
     ) -> Result<Vec<[T; N]>, Fault> {
         let info = self.info(index)?;
         let read = || {
-            let elements = self.elements(info)?;
+            let elements = self.elements(index, info)?;
             if elements.columns * elements.rows != width {
                 return Err(
                     Fault::new(format!("is {:?}, whose elements don't have {width} numbers", info.kind)).at("/type")
                 );
             }
             let mut all = match elements.bytes {
-                None => vec![[zero; N]; info.count],
-                Some(bytes) => (0..info.count)
+                None => vec![[zero; N]; elements.count],
+                Some(bytes) => (0..elements.count)
                     .map(|i| elements.element(&bytes[i * elements.stride..], &number))
                     .collect::<Option<Vec<_>>>()
                     .ok_or_else(|| not_whole(info))?,
             };
-            if let Some(sparse) = &info.sparse {
+            if let Some(sparse) = info.sparse.as_ref().filter(|_| self.unpacked.elements(index).is_none()) {
                 self.replace(&elements, sparse, &number, &mut all).map_err(|fault| fault.at_if_bare("/sparse"))?;
             }
             Ok(all)
@@ -170,7 +194,10 @@ impl<'a> Accessors<'a> {
         read().map_err(|fault| fault.at_if_relative(&format!("/accessors/{index}")))
     }
 
-    fn elements(&self, info: &'a AccessorInfo) -> Result<Elements<'a>, Fault> {
+    fn elements(&self, index: Index, info: &'a AccessorInfo) -> Result<Elements<'a>, Fault> {
+        if let Some(unpacked) = self.unpacked.elements(index) {
+            return Ok(unpacked);
+        }
         let Some(component) = Component::of(info.component_type) else {
             let message = format!("is {}; component types are 5120 to 5123, 5125 and 5126", info.component_type);
             return Err(Fault::new(message).at("/componentType"));
@@ -187,15 +214,18 @@ impl<'a> Accessors<'a> {
             _ => (component.size() * rows).next_multiple_of(4),
         };
         let size = column * (columns - 1) + component.size() * rows;
+        let (count, normalized) = (info.count, info.normalized);
+        let elements =
+            Elements { info, component, columns, rows, column, size, stride: size, count, normalized, bytes: None };
         let Some(view) = info.buffer_view else {
-            let zeros = self.zeros.get().saturating_add(info.count);
-            self.zeros.set(zeros);
+            let zeros = self.buffers.zeros.get().saturating_add(info.count);
+            self.buffers.zeros.set(zeros);
             if zeros > MOST_ZEROS {
                 let message =
                     format!("is {}, without a buffer view: at most {MOST_ZEROS} elements are zeros", info.count);
                 return Err(Fault::new(message).at("/count"));
             }
-            return Ok(Elements { info, component, columns, rows, column, size, stride: size, bytes: None });
+            return Ok(elements);
         };
         let ViewBytes { bytes, stride } = self.buffers.view(view)?;
         let stride = stride.unwrap_or(size);
@@ -205,7 +235,7 @@ impl<'a> Accessors<'a> {
             return Err(Fault::new(message));
         }
         let bytes = within(bytes, info.byte_offset, stride, size, info.count)?;
-        Ok(Elements { info, component, columns, rows, column, size, stride, bytes: Some(bytes) })
+        Ok(Elements { stride, bytes: Some(bytes), ..elements })
     }
 
     /// Puts sparse values in their places.
@@ -248,17 +278,30 @@ impl<'a> Accessors<'a> {
     }
 }
 
-impl Elements<'_> {
+impl<'a> Elements<'a> {
+    /// Elements of `width` numbers, one after the other, in place of an accessor's own.
+    pub(super) fn unpacked(
+        info: &'a AccessorInfo,
+        component: Component,
+        normalized: bool,
+        width: usize,
+        bytes: &'a [u8],
+    ) -> Elements<'a> {
+        let size = component.size() * width;
+        let (columns, rows, column, stride, count) = (1, width, size, size, bytes.len() / size);
+        Elements { info, component, columns, rows, column, size, stride, count, normalized, bytes: Some(bytes) }
+    }
+
     /// The element at the start of `bytes`.
     fn element<const N: usize, T: Copy>(
         &self,
         bytes: &[u8],
         number: &impl Fn(Component, bool, &[u8]) -> Option<T>,
     ) -> Option<[T; N]> {
-        let mut element = [number(self.component, self.info.normalized, bytes)?; N];
+        let mut element = [number(self.component, self.normalized, bytes)?; N];
         for (k, slot) in element.iter_mut().enumerate() {
             let at = k / self.rows * self.column + k % self.rows * self.component.size();
-            *slot = number(self.component, self.info.normalized, &bytes[at..])?;
+            *slot = number(self.component, self.normalized, &bytes[at..])?;
         }
         Some(element)
     }

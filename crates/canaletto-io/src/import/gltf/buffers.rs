@@ -4,6 +4,7 @@ use super::fault::{Fault, named};
 use super::meshopt;
 use super::schema::{CompressedView, Document, Index};
 use crate::assets::{AssetPath, Assets};
+use crate::import::draco;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use std::borrow::Cow;
@@ -19,6 +20,10 @@ pub(super) struct Buffers<'a> {
     decoded: Vec<OnceCell<Result<Vec<u8>, Fault>>>,
     /// The bytes that each buffer's compressed views decode to, of those that were needed so far.
     decoded_sizes: Vec<Cell<usize>>,
+    /// The decoded meshes of views.
+    meshes: Vec<OnceCell<Result<draco::Mesh, Fault>>>,
+    /// The elements without bytes so far.
+    pub(super) zeros: Cell<usize>,
 }
 
 /// The files beside a document.
@@ -40,7 +45,8 @@ impl<'a> Buffers<'a> {
         let buffers = document.buffers.iter().map(|_| OnceCell::new()).collect();
         let decoded = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
         let decoded_sizes = document.buffers.iter().map(|_| Cell::new(0)).collect();
-        Buffers { document, binary_chunk, files, buffers, decoded, decoded_sizes }
+        let meshes = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
+        Buffers { document, binary_chunk, files, buffers, decoded, decoded_sizes, meshes, zeros: Cell::new(0) }
     }
 
     pub(super) fn files(&self) -> Files<'a> {
@@ -95,11 +101,34 @@ impl<'a> Buffers<'a> {
         meshopt::decode(view, bytes)
     }
 
+    /// The mesh that a buffer view holds, compressed by Draco.
+    pub(super) fn mesh(&self, index: Index) -> Result<&draco::Mesh, Fault> {
+        let bytes = self.view(index)?.bytes;
+        let mesh = self.meshes[index as usize].get_or_init(|| {
+            // Views that share bytes would fill the memory out of a small file.
+            let most = draco::most_numbers(self.bytes_read()).saturating_sub(self.bytes_of_meshes() / 4);
+            draco::decode(bytes, most).map_err(|why| {
+                let message = format!("its {} compressed bytes can't be decoded: {why}", bytes.len());
+                Fault::new(message).help("the file may be damaged").at(format!("/bufferViews/{index}"))
+            })
+        });
+        mesh.as_ref().map_err(Clone::clone)
+    }
+
+    fn bytes_read(&self) -> usize {
+        let read = self.buffers.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
+        read.fold(0, usize::saturating_add)
+    }
+
+    fn bytes_of_meshes(&self) -> usize {
+        let meshes = self.meshes.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(draco::Mesh::bytes);
+        meshes.fold(0, usize::saturating_add)
+    }
+
     /// The number of bytes that were read or decoded so far.
     pub(super) fn size(&self) -> usize {
-        let read = self.buffers.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
         let decoded = self.decoded.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
-        read.chain(decoded).fold(0, usize::saturating_add)
+        decoded.fold(self.bytes_read().saturating_add(self.bytes_of_meshes()), usize::saturating_add)
     }
 
     fn buffer(&self, index: Index) -> Result<&[u8], Fault> {

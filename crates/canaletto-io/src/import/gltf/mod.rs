@@ -1,9 +1,10 @@
 //! glTF 2.0 (Khronos, 2021) and GLB, with extensions.
 //!
 //! A document is JSON: [`schema`] names what is read of it. Its bytes come from [`buffers`], which [`meshopt`] decodes
-//! where they are compressed, and [`accessor`] checks them once. [`animation`] changes the document to that of a
-//! moment. [`primitive`] makes meshes, and clouds of points and lines, in the pose that [`deform`] gives. [`material`]
-//! maps materials to the standard surface, [`scene`] places all.
+//! where they are compressed, and [`accessor`] checks them once. Compressed primitives have a stream in place of some
+//! accessors ([`draco`]). [`animation`] changes the document to that of a moment. [`primitive`] makes meshes, and
+//! clouds of points and lines, in the pose that [`deform`] gives. [`material`] maps materials to the standard surface,
+//! [`scene`] places all.
 //!
 //! Coordinates are glTF's: y is up, +z is the front, lengths are in metres, colours linear. Lights in candela and lux
 //! keep their numbers: 1 lux on a white matte surface is the radiance 1/π.
@@ -13,6 +14,7 @@ mod animation;
 mod buffers;
 mod container;
 mod deform;
+mod draco;
 mod extensions;
 mod fault;
 mod material;

@@ -2,6 +2,7 @@
 
 use super::accessor::Accessors;
 use super::deform::{Deformation, Vertices};
+use super::draco;
 use super::fault::Fault;
 use super::schema::{Index, PrimitiveInfo};
 use super::tangents::with_tangents;
@@ -51,15 +52,11 @@ pub(super) fn build(
         warnings.push(Fault::new("it has no POSITION and is left out").at("/attributes"));
         return Ok(None);
     };
-    let count = accessors.count(position).map_err(|fault| fault.at_if_relative("/attributes/POSITION"))?;
-    if primitive.extensions.draco.is_some() && !accessors.has_values(position)? {
-        let fault = Fault::new("its vertices are compressed with Draco, which isn't read");
-        let help = "save the model without compression, or with meshopt instead";
-        return Err(fault.help(help).at("/extensions/KHR_draco_mesh_compression"));
-    }
+    let unpacked = draco::unpacked(accessors, primitive, warnings)?;
+    let count = unpacked.count(position).map_err(|fault| fault.at_if_relative("/attributes/POSITION"))?;
     // The bytes of the vertices are there before anything is made as long as their count says.
-    let vertices = vertices(accessors, primitive, count, warnings)?;
-    let topology = topology(accessors, primitive, count, warnings)?;
+    let vertices = vertices(&unpacked, primitive, count, warnings)?;
+    let topology = topology(&unpacked, primitive, count, warnings)?;
     let vertices = wanted.deformation.apply(accessors, primitive, vertices)?;
     if let Some(i) = vertices.positions.iter().position(|p| !p.is_finite()) {
         let fault = Fault::new(format!("vertex {i} is {}; each component must be finite", vertices.positions[i]));
@@ -80,6 +77,9 @@ fn topology(
     count: usize,
     warnings: &mut Vec<Fault>,
 ) -> Result<Topology, Fault> {
+    if let Some(triangles) = draco::triangles(accessors, count)? {
+        return Ok(Topology::Triangles(triangles));
+    }
     let corners: Vec<u32> = match primitive.indices {
         Some(index) => {
             let indices = accessors.whole::<1>(index).map_err(|fault| fault.at_if_relative("/indices"))?;

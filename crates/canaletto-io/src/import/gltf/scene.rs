@@ -201,8 +201,12 @@ impl<'a> SceneReader<'a> {
                 let material = own.map(|mapping| mapping.material).or(primitive.material);
                 let traits = self.materials.of_primitive(material).map_err(|fault| fault.at("/material"))?;
                 let key = format!(
-                    "{:?} {:?} {:?} {:?} {pose} {traits:?}",
-                    primitive.attributes, primitive.indices, primitive.mode, primitive.targets
+                    "{:?} {:?} {:?} {:?} {:?} {pose} {traits:?}",
+                    primitive.attributes,
+                    primitive.indices,
+                    primitive.mode,
+                    primitive.targets,
+                    primitive.extensions.draco
                 );
                 let content = match self.bodies.get(&key) {
                     Some(known) => known.clone(),

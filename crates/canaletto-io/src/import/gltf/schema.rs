@@ -1,7 +1,6 @@
 //! The JSON of glTF 2.0 and of the extensions that are read, with the specification's names and defaults.
 
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
 /// An index into one of the document's lists.
@@ -174,7 +173,16 @@ pub(super) struct PrimitiveExtensions {
     #[serde(rename = "KHR_materials_variants")]
     pub(super) variants: VariantMappings,
     #[serde(rename = "KHR_draco_mesh_compression")]
-    pub(super) draco: Option<IgnoredAny>,
+    pub(super) draco: Option<DracoMesh>,
+}
+
+/// The stream of a compressed primitive.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct DracoMesh {
+    pub(super) buffer_view: Index,
+    /// The identifiers of attributes in the stream.
+    pub(super) attributes: BTreeMap<String, u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]

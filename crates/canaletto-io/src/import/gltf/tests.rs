@@ -561,13 +561,6 @@ fn mistakes_name_their_place() {
         assert!(told.contains(words), "{pointer}: {told}");
     }
     let mut model = square();
-    primitive(&mut model)["extensions"] =
-        json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": {} } });
-    assert!(model.fragment().is_ok(), "uncompressed vertices are read");
-    model.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    let told = model.fragment().unwrap_err();
-    assert!(told.contains("/extensions/KHR_draco_mesh_compression: its vertices are compressed"), "{told}");
-    let mut model = square();
     model.bytes[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
     let told = model.fragment().unwrap_err();
     assert!(told.contains("/meshes/0/primitives/0/attributes/POSITION: vertex 1"), "{told}");
@@ -779,4 +772,206 @@ fn further_materials_are_mapped() {
     let along = brushed.specular.roughness * brushed.specular.roughness * (2.0 / (1.0 + squash * squash)).sqrt();
     assert!((along - (0.25 + 0.75 * 0.25)).abs() < 1e-6 && (along * squash - 0.25).abs() < 1e-6);
     assert!((brushed.specular.anisotropy_rotation - 1f32.to_degrees()).abs() < 1e-4);
+}
+
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// Unit cubes of Draco's own encoder, whose 24 vertices have normals.
+const CUBES: [&[u8]; 2] = [
+    include_bytes!("../../../tests/fuzz/seeds/draco/cube-edgebreaker.drc"),
+    include_bytes!("../../../tests/fuzz/seeds/draco/cube-sequential.drc"),
+];
+
+/// A cube of a stream: the accessors of its positions, normals and indices have no elements of their own.
+fn compressed_cube(stream: &[u8]) -> Model {
+    let mut model = Model::new();
+    let view = model.view(stream);
+    let accessor =
+        |count: u32, component: u32, kind: &str| json!({ "count": count, "componentType": component, "type": kind });
+    let draco = json!({ "bufferView": view, "attributes": { "POSITION": 0, "NORMAL": 1 } });
+    model.set(json!({
+        "extensionsRequired": [DRACO],
+        "accessors": [accessor(24, 5126, "VEC3"), accessor(24, 5126, "VEC3"), accessor(36, 5123, "SCALAR")],
+        "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": 0, "NORMAL": 1 }, "indices": 2, "extensions": { DRACO: draco },
+        }] }],
+    }));
+    model
+}
+
+#[test]
+fn compressed_primitives_are_read() {
+    for stream in CUBES {
+        let (fragment, told) = compressed_cube(stream).told().unwrap();
+        assert_eq!(told, "");
+        let mesh = &fragment.meshes[0];
+        assert_eq!((mesh.len(), mesh.positions.len(), mesh.normals.len()), (12, 24, 24));
+        let mut volume = 0.0;
+        for (i, corners) in mesh.triangles.iter().enumerate() {
+            let [a, b, c] = mesh.corners(i);
+            volume += a.dot(b.cross(c)) / 6.0;
+            let area = (b - a).cross(c - a);
+            assert!(corners.iter().all(|v| mesh.normals[*v as usize].dot(area) > 0.98), "{area}");
+        }
+        assert!((volume - 1.0).abs() < 0.02, "{volume}");
+    }
+}
+
+/// What a stream doesn't have is in the order of its points: attributes and morph targets.
+#[test]
+fn compressed_primitives_have_other_elements_beside_them() {
+    for stream in CUBES {
+        let plain = compressed_cube(stream).fragment().unwrap();
+        let plain = &plain.meshes[0].positions;
+        let mut model = compressed_cube(stream);
+        let uvs: Vec<f32> = (0..24).flat_map(|i| [i as f32, 0.5]).collect();
+        let uvs = model.floats("VEC2", 2, &uvs);
+        let moves: Vec<f32> = plain.iter().zip(0..).flat_map(|(p, i)| [i as f32 - p.x, -p.y, p.x]).collect();
+        let moves = model.floats("VEC3", 3, &moves);
+        primitive(&mut model)["attributes"]["TEXCOORD_0"] = uvs.into();
+        primitive(&mut model)["targets"] = json!([{ "POSITION": moves }]);
+        model.json["meshes"][0]["weights"] = json!([1]);
+        let fragment = model.fragment().unwrap();
+        let mesh = &fragment.meshes[0];
+        for (i, p) in plain.iter().enumerate() {
+            assert_eq!(mesh.uvs[i], Vec2::new(i as f32, 0.5));
+            assert!((mesh.positions[i] - Vec3::new(i as f32, 0.0, p.z + p.x)).length() < 1e-5);
+        }
+    }
+}
+
+/// Primitives with the same accessors have streams of their own.
+#[test]
+fn compressed_primitives_share_accessors() {
+    let mut model = compressed_cube(CUBES[0]);
+    let view = model.view(CUBES[1]);
+    let mut other = primitive(&mut model).clone();
+    other["extensions"][DRACO]["bufferView"] = view.into();
+    model.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(other);
+    let together = model.fragment().unwrap().meshes;
+    let apart = CUBES.map(|stream| compressed_cube(stream).fragment().unwrap().meshes.remove(0));
+    assert!(together.len() == 2 && apart[0].positions != apart[1].positions);
+    for (own, mesh) in apart.iter().zip(&together) {
+        assert_eq!((&own.positions, &own.triangles), (&mesh.positions, &mesh.triangles));
+    }
+}
+
+/// The accessor says whether integers are fractions. Where it has floats, the stream says it.
+#[test]
+fn integers_of_streams_are_normalized() {
+    let colors = |component: u32, normalized: bool| {
+        let mut model = square();
+        let stream = include_bytes!("../../../tests/fuzz/seeds/draco/plain.drc");
+        let draco = json!({ "bufferView": model.view(stream), "attributes": { "COLOR_0": 4 } });
+        let color = json!({ "componentType": component, "normalized": normalized, "type": "VEC4", "count": 4 });
+        model.json["accessors"].as_array_mut().unwrap().push(color);
+        model.json["meshes"][0]["primitives"][0] =
+            json!({ "attributes": { "POSITION": 0, "COLOR_0": 1 }, "extensions": { DRACO: draco } });
+        let (fragment, told) = model.told().unwrap();
+        assert_eq!(told.contains("/accessors/1/componentType"), component != 5121, "{told}");
+        let mesh = &fragment.meshes[0];
+        (mesh.colors.iter().map(|color| color.r).fold(0.0, f32::max), mesh.alphas.first().copied())
+    };
+    assert_eq!(colors(5121, true), (3.0 / 255.0, None));
+    assert_eq!(colors(5121, false), (3.0, Some(255.0)));
+    assert_eq!(colors(5126, false), (3.0, Some(255.0)));
+}
+
+#[test]
+fn streams_fit_their_primitive() {
+    let told = |change: &dyn Fn(&mut Value)| {
+        let mut model = compressed_cube(CUBES[0]);
+        change(&mut model.json);
+        model.told().map(|(fragment, told)| {
+            assert_eq!((fragment.meshes[0].positions.len(), fragment.meshes[0].len()), (24, 12));
+            told
+        })
+    };
+    let draco = format!("/meshes/0/primitives/0/extensions/{DRACO}");
+    for (pointer, value, words) in [
+        ("/accessors/0/type", json!("VEC2"), "/accessors/0/type: is \"VEC2\", but the elements of its stream have 3"),
+        ("/meshes/0/primitives/0/mode", json!(1), "/meshes/0/primitives/0/mode: is 1; compressed primitives"),
+        (&format!("{draco}/bufferView"), json!(5), "/extensions/KHR_draco_mesh_compression: buffer view 5"),
+        (
+            &format!("{draco}/attributes/NORMAL"),
+            json!(7),
+            "/attributes/NORMAL: is 7; its stream has the attributes 0, 1",
+        ),
+        (&format!("{draco}/attributes"), json!({ "COLOR_0": 0 }), "/attributes/COLOR_0: the primitive has no such"),
+    ] {
+        let (parent, key) = pointer.rsplit_once('/').unwrap();
+        let told = told(&|json| json.pointer_mut(parent).unwrap()[key] = value.clone()).unwrap_err();
+        assert!(told.contains(words), "{pointer}: {told}");
+    }
+    // Positions outside of the stream must be as many as its points.
+    for (attributes, words) in [
+        (json!({ "NORMAL": 1 }), "/attributes/NORMAL: it has 24 elements, but POSITION has 7"),
+        (json!({}), "its stream has 24 vertices, but POSITION has 7"),
+    ] {
+        let change = |json: &mut Value| {
+            *json.pointer_mut(&format!("{draco}/attributes")).unwrap() = attributes.clone();
+            json["accessors"][0]["count"] = 7.into();
+            json["accessors"][1]["count"] = 7.into();
+        };
+        let told = told(&change).unwrap_err();
+        assert!(told.contains(words), "{told}");
+    }
+    for (accessor, field, value, words) in [
+        (0, "count", 23, "/accessors/0/count: is 23, but its stream has 24 elements"),
+        (1, "componentType", 5120, "/accessors/1/componentType: is 5120, but its stream has numbers of the type F32"),
+        (2, "count", 30, "/accessors/2/count: is 30, but its stream has 36 elements"),
+    ] {
+        let told = told(&|json| json["accessors"][accessor][field] = value.into()).unwrap();
+        assert!(told.contains(words), "{told}");
+    }
+    // Strips are triangles in a stream.
+    let strip = |json: &mut Value| {
+        json["meshes"][0]["primitives"][0]["mode"] = 5.into();
+        json["accessors"][2]["count"] = 14.into();
+    };
+    assert_eq!(told(&strip).unwrap(), "");
+}
+
+#[test]
+fn damaged_streams_are_refused() {
+    for stream in CUBES {
+        for length in 0..stream.len() {
+            let told = compressed_cube(&stream[..length]).fragment().unwrap_err();
+            assert!(told.contains("/bufferViews/0: its ") && told.contains("can't be decoded"), "{length}: {told}");
+        }
+        let mut older = stream.to_vec();
+        older[6] = 1;
+        let told = compressed_cube(&older).fragment().unwrap_err();
+        assert!(told.contains("they have version 2.1, not 2.2"), "{told}");
+    }
+    // Elements of the accessors' own take the place of those of a damaged stream.
+    let mut model = square();
+    let view = model.view(&[0; 20]);
+    primitive(&mut model)["mode"] = 4.into();
+    primitive(&mut model)["extensions"] = json!({ DRACO: { "bufferView": view, "attributes": { "POSITION": 0 } } });
+    let (fragment, told) = model.told().unwrap();
+    assert!(fragment.meshes[0].len() == 1 && told.contains("they don't begin with DRACO"), "{told}");
+    model.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    assert!(model.fragment().unwrap_err().contains("they don't begin with DRACO"));
+}
+
+/// A stream of a triangle with 600,000 points, all of which are 0 and take no bytes.
+#[test]
+fn streams_that_share_bytes_are_bounded() {
+    let mut stream = b"DRACO\x02\x02\x01\0\0\0\x01\xC0\xCF\x24\x01\0\x01\x02".to_vec();
+    // One group of one attribute: three integers of 16 bits, which are symbols of an alphabet of one.
+    stream.extend([1, 1, 0, 4, 3, 0, 0, 1, 0xFE, 1, 1, 1, 1, 1, 64, 1, 0]);
+    let mut model = square();
+    let views = [0; 2].map(|_| model.view(&stream));
+    model.json["accessors"][0] = json!({ "count": 600_000, "componentType": 5123, "type": "VEC3" });
+    let primitives = views.map(|view| {
+        let draco = json!({ "bufferView": view, "attributes": { "POSITION": 0 } });
+        json!({ "attributes": { "POSITION": 0 }, "extensions": { DRACO: draco } })
+    });
+    model.json["meshes"][0]["primitives"] = primitives.to_vec().into();
+    let told = model.fragment().unwrap_err();
+    assert!(told.contains("/bufferViews/2: ") && told.contains("they announce more numbers than they may"), "{told}");
+    model.json["meshes"][0]["primitives"].as_array_mut().unwrap().pop();
+    assert!(model.fragment().unwrap_err().contains("nothing in it has an area"), "one stream is decoded");
 }
