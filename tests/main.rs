@@ -10,6 +10,7 @@ mod bytes;
 mod cases;
 mod causes;
 mod chapter;
+mod convert;
 mod denoise;
 mod determinism;
 mod distributed;

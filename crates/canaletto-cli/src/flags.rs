@@ -167,6 +167,10 @@ pub(crate) struct StagingFlags {
     #[arg(skip)]
     pub plays: bool,
 
+    /// Whether a model gets nothing that it lacks.
+    #[arg(skip)]
+    pub bare: bool,
+
     /// Sets the samples of a model's picture by paths, and its denoiser [default: good]
     #[arg(long, value_name = "QUALITY", value_parser = named::<PictureQuality>(), help_heading = "Models")]
     pub quality: Option<PictureQuality>,
@@ -186,6 +190,7 @@ impl StagingFlags {
             moment: (self.at.is_some() || self.clip.is_some())
                 .then(|| Moment { clip: self.clip.clone(), seconds: self.at.unwrap_or(0.0) }),
             plays: self.plays,
+            bare: self.bare,
             variant: self.variant.clone(),
             quality: self.quality.unwrap_or_default(),
             ..Staging::default()

@@ -49,8 +49,8 @@ mod watched;
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
-    bake, check, compare, compare_methods, completions, denoise, explain, form_factor, grade, info, ladder, man,
-    measure, render,
+    bake, check, compare, compare_methods, completions, convert, denoise, explain, form_factor, grade, info, ladder,
+    man, measure, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -103,6 +103,7 @@ enum Command {
     FormFactor(form_factor::FormFactorFlags),
     Measure(measure::MeasureFlags),
     Bake(bake::BakeFlags),
+    Convert(Box<convert::ConvertFlags>),
     Denoise(denoise::DenoiseFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
@@ -147,6 +148,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::FormFactor(flags) => form_factor::run(flags),
         Command::Measure(flags) => measure::run(flags),
         Command::Bake(flags) => bake::run(flags),
+        Command::Convert(flags) => convert::run(flags),
         Command::Denoise(flags) => denoise::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),

@@ -208,7 +208,8 @@ fn examples_can_be_pasted() {
                         wrong.push(format!("{line}: {mistake}"));
                     }
                 }
-                let is_output = |i: usize| i > 0 && WRITES.contains(&words[i - 1].as_str());
+                let is_converted = words.get(1).is_some_and(|word| word == "convert");
+                let is_output = |i: usize| i > 0 && WRITES.contains(&words[i - 1].as_str()) || i == 3 && is_converted;
                 let (own, inputs): (Vec<usize>, Vec<usize>) = (0..words.len()).partition(|i| is_output(*i));
                 for word in inputs.into_iter().map(|i| &words[i]).filter(|word| !word.starts_with('-')) {
                     let names_file = Path::new(word).extension().is_some_and(|e| e.len() == 3 && e != "sum");

@@ -12,6 +12,7 @@ use canaletto::world::{BuildError, BuildOptions, World};
 use canaletto::{Named, WordHash, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics, closest_word};
+use canaletto_io::export::convert::Originals;
 use canaletto_io::import::{self, Staging};
 use canaletto_io::scene_file::{self, OpenError};
 use canaletto_io::source::{SceneSource, Timeline};
@@ -199,6 +200,22 @@ impl Reader {
         let texts = self.source.texts();
         let named = || texts.iter().find_map(|(text, from)| guard.find_named(&folder.system_path(text, from)));
         read.or_else(named).map(Path::to_owned)
+    }
+
+    /// The files that were read and hold pictures or lamps, for writing them again.
+    pub(crate) fn originals(&self, files: &[UsedFile]) -> Originals {
+        let mut originals = Originals::new();
+        for used in files {
+            let place = self.assets.inner.root().join(&used.place);
+            let is_kept = |extension: &str| Originals::EXTENSIONS.contains(&extension);
+            let path = AssetPath::new(&used.place, &used.place, &used.file);
+            if is_kept(&path.extension())
+                && let Ok(bytes) = std::fs::read(place)
+            {
+                originals.add(&path, bytes, &self.assets.inner);
+            }
+        }
+        originals
     }
 
     /// The scene at a frame, or at its first one, with the shutter of a camera.

@@ -17,7 +17,7 @@ light "omni" { position 3 3 3 }
 "#;
 
 /// A command with its inputs as `<FILE`, its outputs as `>FILE`, and flags. The same command works when all are apart.
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 14] = [
     "render <s.kdl -q -o >a.png",
     "render <s.kdl -q -o >a.png --aov depth",
     "render <s.kdl -q -o >a.png --preview=>b.png --aov depth",
@@ -27,6 +27,8 @@ const COMMANDS: [&str; 12] = [
     "explain <s.kdl -p 4,4 --integrator radiosity --solution <room.rad --svg >a.svg --html >a.html",
     "measure <s.kdl --points <p.csv --solution <room.rad --rays 16 -o >a.csv",
     "bake <s.kdl --solution <room.rad -o >a.glb",
+    "convert <s.kdl >a.kdl -q",
+    "convert <s.kdl >a.glb -q",
     "denoise <old.exr -o >a.exr",
     "compare <old.exr <t.png --diff >a.png",
     "compare-methods <s.kdl -q -o >a.png",
@@ -137,6 +139,7 @@ fn folders_are_made_when_asked_for() {
         ("explain s.kdl -p 4,4 --svg 7/a.svg --html 8/a.html", &["7/a.svg", "8/a.html"]),
         ("measure s.kdl --points p.csv --rays 16 -o 9/a.csv", &["9/a.csv"]),
         ("bake s.kdl -o 10/a.obj", &["10/a.obj", "10/a.mtl"]),
+        ("convert s.kdl 12/a.kdl -q", &["12/a.kdl"]),
         ("denoise 3/s.png -o 11/a.png", &[]),
         ("compare 3/s.png 3/b.png --diff 12/a.png", &["12/a.png"]),
         ("compare-methods s.kdl -q -o 13/a.png", &["13/a.png"]),

@@ -5,6 +5,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod compare_methods;
 pub(crate) mod completions;
+pub(crate) mod convert;
 pub(crate) mod denoise;
 pub(crate) mod explain;
 pub(crate) mod form_factor;

@@ -3,23 +3,17 @@
 //! Finished colours are unlit materials (`KHR_materials_unlit`) with a base colour texture on the second set of texture
 //! coordinates. Core glTF has no slot for light alone, so its file is named in the `extras` of materials.
 
+use super::glb::{
+    self, ARRAY_BUFFER, Binary, CLAMP_TO_EDGE, ELEMENT_ARRAY_BUFFER, FLOAT, LINEAR, LINEAR_MIPMAP_LINEAR, UNSIGNED_INT,
+};
 use super::{Export, LIGHT, LightMaps};
 use crate::picture::{PictureError, SOFTWARE};
 use canaletto::bake::{BakedPart, BakedVertex};
 use canaletto::material::Material;
 use canaletto::math::Rgb;
-use canaletto::scene::{CameraProjection, Intrinsics, View};
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use canaletto::scene::View;
+use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
-
-/// Numbers of the specification.
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
-const LINEAR: u32 = 9729;
-const LINEAR_MIPMAP_LINEAR: u32 = 9987;
-const CLAMP_TO_EDGE: u32 = 33071;
 
 /// The set of texture coordinates of the light map.
 const LIGHT_SET: u32 = 1;
@@ -31,27 +25,6 @@ pub(super) fn files(export: &Export) -> Result<Vec<Vec<u8>>, PictureError> {
         files.push(export.light_exr()?);
     }
     Ok(files)
-}
-
-/// The binary chunk, in views with one kind of content each.
-#[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-}
-
-impl Binary {
-    /// Adds a view; returns its number. Data begins at a multiple of four bytes.
-    fn push(&mut self, bytes: &[u8], properties: Value) -> usize {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });
-        if let (Value::Object(view), Value::Object(properties)) = (&mut view, properties) {
-            view.extend(properties);
-        }
-        self.bytes.extend_from_slice(bytes);
-        self.views.push(view);
-        self.views.len() - 1
-    }
 }
 
 /// A vertex attribute of all parts.
@@ -132,8 +105,8 @@ fn glb(export: &Export) -> Result<Vec<u8>, PictureError> {
     }
     let mut cameras = Vec::new();
     for view in export.views {
-        nodes.push(camera_node(export, view, cameras.len()));
-        cameras.push(camera(export, view));
+        nodes.push(glb::camera_node(view, cameras.len(), |v| export.point(v)));
+        cameras.push(glb::camera(view, || depth_behind_all(export, view)));
     }
     let materials = materials.materials;
     let all: Vec<usize> = (0..nodes.len()).collect();
@@ -164,35 +137,12 @@ fn glb(export: &Export) -> Result<Vec<u8>, PictureError> {
     root["materials"] = json!(materials);
     root["bufferViews"] = json!(binary.views);
     root["buffers"] = json!([{ "byteLength": binary.bytes.len() }]);
-    container(&root, binary.bytes)
+    glb::container(&root, binary.bytes).ok_or_else(|| PictureError::Unfit(glb::TOO_LARGE.to_owned()))
 }
 
 const UNLIT: &str = "KHR_materials_unlit";
 const EMISSIVE_STRENGTH: &str = "KHR_materials_emissive_strength";
 const EXTENSIONS: [&str; 2] = [UNLIT, EMISSIVE_STRENGTH];
-
-/// The file of a JSON chunk and a binary chunk.
-fn container(root: &Value, mut binary: Vec<u8>) -> Result<Vec<u8>, PictureError> {
-    let mut text = root.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    binary.resize(binary.len().next_multiple_of(4), 0);
-    let total = 12 + 8 + text.len() + 8 + binary.len();
-    let number = |n: usize| {
-        let message =
-            || PictureError::Unfit(format!("a GLB file holds at most 4 GiB; this one would have {total} bytes"));
-        u32::try_from(n).map(u32::to_le_bytes).map_err(|_| message())
-    };
-    let mut bytes = Vec::with_capacity(total);
-    bytes.extend_from_slice(b"glTF");
-    bytes.extend_from_slice(&2_u32.to_le_bytes());
-    bytes.extend_from_slice(&number(total)?);
-    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &binary)] {
-        bytes.extend_from_slice(&number(chunk.len())?);
-        bytes.extend_from_slice(kind);
-        bytes.extend_from_slice(chunk);
-    }
-    Ok(bytes)
-}
 
 /// The materials of the file. Equal ones are written once.
 struct Materials<'a> {
@@ -276,46 +226,8 @@ fn set_alpha(source: &Material, material: &mut Value) {
     }
 }
 
-fn camera(export: &Export, view: &View) -> Value {
-    let lens = &view.intrinsics;
-    if let CameraProjection::Orthographic { height } = lens.projection {
-        let (znear, ymag) = (lens.near.unwrap_or(0.0), height / 2.0);
-        let orthographic = json!({
-            "xmag": ymag * f64::from(lens.width) / f64::from(lens.height),
-            "ymag": ymag,
-            "znear": znear,
-            "zfar": lens.far.unwrap_or_else(|| depth_behind_all(export, view).max(2.0 * znear)),
-        });
-        return json!({ "name": view.name, "type": "orthographic", "orthographic": orthographic });
-    }
-    let mut perspective = json!({
-        "yfov": lens.fovy.to_radians(),
-        "aspectRatio": f64::from(lens.width) / f64::from(lens.height),
-        "znear": lens.near.unwrap_or(Intrinsics::DEFAULT_NEAR),
-    });
-    if let Some(far) = lens.far {
-        perspective["zfar"] = json!(far);
-    }
-    json!({ "name": view.name, "type": "perspective", "perspective": perspective })
-}
-
 /// A distance along the view direction beyond all triangles. glTF's orthographic cameras need a far plane.
 fn depth_behind_all(export: &Export, view: &View) -> f64 {
-    let (eye, center) = (view.extrinsics.eye, view.extrinsics.center);
-    let forward = (center - eye).normalize_or_zero();
     let vertices = export.baked.meshes.iter().flat_map(|mesh| &mesh.parts).flat_map(|part| &part.vertices);
-    let depth = |vertex: &BakedVertex| (export.origin + vertex.position.as_dvec3() - eye).dot(forward);
-    2.0 * vertices.map(depth).fold((center - eye).length(), f64::max)
-}
-
-/// A camera's node: it looks along −z with y upwards.
-fn camera_node(export: &Export, view: &View, camera: usize) -> Value {
-    let from = &view.extrinsics;
-    let [eye, back, up] = [from.eye, from.eye - from.center, from.up].map(|v| export.point(v));
-    let z = back.normalize();
-    let x = up.cross(z).normalize();
-    let rotation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();
-    json!({
-        "name": view.name, "camera": camera, "translation": eye.to_array(), "rotation": rotation.to_array(),
-    })
+    glb::depth_behind(view, vertices.map(|vertex| export.origin + vertex.position.as_dvec3()))
 }

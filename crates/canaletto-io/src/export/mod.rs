@@ -1,5 +1,7 @@
-//! Export of scenes whose light is in textures: glTF and OBJ.
+//! Export of scenes: in any form that others read ([`convert`]), or with their light in textures (glTF and OBJ).
 
+pub mod convert;
+mod glb;
 mod gltf;
 mod obj;
 #[cfg(test)]

@@ -35,6 +35,7 @@ mod texture_map;
 pub use cloud::{CloudFormat, CloudSettings, read_cylinders, read_spheres};
 pub use colormap::{Colormap, ColumnColors};
 pub use formats::{FORMATS, Holds, ModelFormat, foreign_format};
+pub(crate) use gltf::pictures_in_gltf;
 pub(crate) use ies::read_ies;
 pub(crate) use positions::counted;
 pub(crate) use precision_warning::inline_cloud;

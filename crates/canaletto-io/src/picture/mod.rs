@@ -34,6 +34,7 @@ pub use rest::{ChannelDifference, RestDifference};
 pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
 pub use ssim::ssim;
 pub use temporary::sweep;
+pub(crate) use texture::image_of_texture;
 pub use write::{AtomicFile, WriteError, WriteOptions, write_atomically};
 
 use crate::diagnostic::word_list;

@@ -56,6 +56,11 @@ pub(super) fn named(channels: u8, samples: &Samples) -> Vec<Channel> {
     names.iter().enumerate().map(|(i, name)| Channel::new(*name, channel(i))).collect()
 }
 
+/// The numbers of a texture image as named channels.
+pub(crate) fn image_of_texture(image: &texture::Image) -> Image {
+    Image { width: image.width, height: image.height, channels: named(image.channels, &image.samples) }
+}
+
 /// The picture of a texture image.
 fn picture(image: &texture::Image) -> Decoded {
     let (bits, display_referred) = match image.samples {
@@ -65,7 +70,7 @@ fn picture(image: &texture::Image) -> Decoded {
         Samples::F32(_) => (32, false),
     };
     Decoded {
-        image: Image { width: image.width, height: image.height, channels: named(image.channels, &image.samples) },
+        image: image_of_texture(image),
         bits,
         transfer: Some(if display_referred { Transfer::Srgb } else { Transfer::None }),
         metadata: Vec::new(),

@@ -29,6 +29,29 @@ impl Transform {
         if forward.is_finite() && inverse.is_finite() { Ok(Transform { forward, inverse }) } else { Err(NotInvertible) }
     }
 
+    /// The transform of a matrix and its inverse, both given to the last bit.
+    ///
+    /// # Errors
+    /// [`NotInvertible`] if the matrices aren't inverse to each other, up to rounding.
+    pub fn with_inverse(forward: DAffine3, inverse: DAffine3) -> Result<Transform, NotInvertible> {
+        /// The most that an entry of a product may differ from that of the identity, relative to its terms.
+        const ROUNDING: f64 = 1e-9;
+        let product = forward * inverse;
+        let terms = |rows: DMat3| DMat3::from_cols(rows.x_axis.abs(), rows.y_axis.abs(), rows.z_axis.abs());
+        let sizes = terms(forward.matrix3) * terms(inverse.matrix3);
+        let moves = terms(forward.matrix3) * inverse.translation.abs() + forward.translation.abs();
+        let is_near = |found: DVec3, right: DVec3, size: DVec3| (found - right).abs().cmple(size * ROUNDING).all();
+        let is_inverse = is_near(product.matrix3.x_axis, DVec3::X, sizes.x_axis)
+            && is_near(product.matrix3.y_axis, DVec3::Y, sizes.y_axis)
+            && is_near(product.matrix3.z_axis, DVec3::Z, sizes.z_axis)
+            && is_near(product.translation, DVec3::ZERO, moves);
+        if forward.is_finite() && inverse.is_finite() && is_inverse {
+            Ok(Transform { forward, inverse })
+        } else {
+            Err(NotInvertible)
+        }
+    }
+
     /// The transform of a map and its inverse, both given.
     pub(crate) fn from_parts(forward: DAffine3, inverse: DAffine3) -> Transform {
         Transform { forward, inverse }
@@ -83,7 +106,7 @@ impl Transform {
     }
 
     /// The matrix of the inverse.
-    pub(crate) fn back(&self) -> &DAffine3 {
+    pub fn back(&self) -> &DAffine3 {
         &self.inverse
     }
 

@@ -28,7 +28,7 @@ mod tests;
 mod texture;
 
 use super::{Holds, ModelFormat, Moment, ReadFragment, ReadOptions, UpAxis, precision_warning, unreadable};
-use crate::assets::{Assets, OpenAsset};
+use crate::assets::{AssetPath, Assets, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use accessor::Accessors;
 use buffers::{Buffers, Files};
@@ -115,6 +115,20 @@ fn read(bytes: &[u8], files: Files, options: &ReadOptions, warnings: &mut Vec<Fa
         return Err(Fault::new("its scene has no meshes").help("a model needs at least one node with a mesh"));
     }
     Ok(fragment)
+}
+
+/// The pictures that a file holds itself, in buffers and data URIs: their names and bytes. What can't be read is left
+/// out.
+pub(crate) fn pictures_in_gltf(bytes: &[u8], assets: &dyn Assets, from: &AssetPath) -> Vec<(String, Vec<u8>)> {
+    let Ok(Container { document, binary_chunk, .. }) = container::open(bytes, &mut Vec::new()) else {
+        return Vec::new();
+    };
+    let buffers = Buffers::new(&document, binary_chunk, Files { assets, from });
+    let textures = Textures::new(&document, &buffers);
+    let held = |index: usize| document.images[index].uri.as_ref().is_none_or(|uri| uri.starts_with("data:"));
+    let all = (0..document.images.len()).filter(|index| held(*index));
+    let assets = all.filter_map(|index| textures.asset(index as schema::Index).ok());
+    assets.map(|asset| (asset.path.name().to_owned(), asset.bytes)).collect()
 }
 
 /// The document at a moment of a clip: all that the clip's channels change has their values.

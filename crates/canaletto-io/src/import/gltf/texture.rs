@@ -126,22 +126,27 @@ impl<'a> Textures<'a> {
         image
     }
 
-    fn read_image(&self, index: Index, warnings: &mut Vec<Fault>) -> Result<Image, Fault> {
+    /// The file of the document's image, or the bytes that stand for it.
+    pub(super) fn asset(&self, index: Index) -> Result<Asset, Fault> {
         let info = named(&self.document.images, index, "image")?;
         let own_name = info.name.clone().filter(|name| !name.is_empty());
         let held = |bytes: Vec<u8>| {
             let name = own_name.clone().unwrap_or_else(|| format!("image {index}"));
             Asset { path: AssetPath::new("", "", name), bytes }
         };
-        let asset = match (&info.uri, info.buffer_view) {
-            (Some(_), Some(_)) => return Err(Fault::new("it has both uri and bufferView; one of them is expected")),
-            (None, None) => return Err(Fault::new("it has neither uri nor bufferView")),
-            (None, Some(view)) => held(self.buffers.view(view)?.bytes.to_vec()),
+        match (&info.uri, info.buffer_view) {
+            (Some(_), Some(_)) => Err(Fault::new("it has both uri and bufferView; one of them is expected")),
+            (None, None) => Err(Fault::new("it has neither uri nor bufferView")),
+            (None, Some(view)) => Ok(held(self.buffers.view(view)?.bytes.to_vec())),
             (Some(uri), None) if uri.get(..5).is_some_and(|start| start.eq_ignore_ascii_case("data:")) => {
-                held(self.buffers.files().bytes(uri).map_err(|fault| fault.at("/uri"))?.into_owned())
+                Ok(held(self.buffers.files().bytes(uri).map_err(|fault| fault.at("/uri"))?.into_owned()))
             }
-            (Some(uri), None) => self.buffers.files().file(uri).map_err(|fault| fault.at("/uri"))?,
-        };
+            (Some(uri), None) => self.buffers.files().file(uri).map_err(|fault| fault.at("/uri")),
+        }
+    }
+
+    fn read_image(&self, index: Index, warnings: &mut Vec<Fault>) -> Result<Image, Fault> {
+        let asset = self.asset(index)?;
         let (image, notes) = read_image(&asset).map_err(|error| Fault::of(&error, error.help()))?;
         let sum: u64 = self.images.iter().chain([&image]).map(|image| image.samples.bytes() as u64).sum();
         if sum > MAX_IMAGE_BYTES {

@@ -75,6 +75,9 @@ pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Optio
     let is_lit = model.environment.is_some() || has_light(&model);
     let mut scene = Scene::default();
     scene.append(model);
+    if staging.bare {
+        return Some(scene);
+    }
     give_material(&mut scene, staging);
     if staging.view.is_some() {
         scene.views.clear();
@@ -144,6 +147,13 @@ fn give_material(scene: &mut Scene, staging: &Staging) {
             && match &node.content {
                 Content::Mesh(index) => scene.meshes.get(*index as usize).is_none_or(|mesh| mesh.materials.is_empty()),
                 Content::Group(children) => children.iter().any(|child| child.material.is_none()),
+                Content::Instance(index) => {
+                    let repeated = scene.prototypes.get(*index as usize);
+                    repeated.is_none_or(|prototype| match &prototype.content {
+                        Content::Group(children) => children.iter().any(|child| child.material.is_none()),
+                        _ => prototype.material.is_none(),
+                    })
+                }
                 Content::Light(_) => false,
                 _ => true,
             }

@@ -35,6 +35,8 @@ pub struct Staging {
     pub quality: PictureQuality,
     /// Whether the light suits the classic integrators, which need lights: paths find the light of an environment.
     pub classic: bool,
+    /// Whether the model gets nothing that it lacks: no camera, no light, no ground and no material.
+    pub bare: bool,
 }
 
 /// A moment of an animation.

@@ -6,7 +6,7 @@ use crate::text::arithmetic::Copies;
 use crate::text::nodes::{self, CASTS_SHADOW, LIGHT, MATERIAL, NAME, ObjectReader, PROTOTYPE};
 use crate::text::reader::Fields;
 use crate::text::report::Message;
-use crate::text::syntax::Node;
+use crate::text::syntax::{Node, Span};
 use canaletto::scene::{self, Content};
 use canaletto::shape::{Shape, Triangle};
 
@@ -73,9 +73,13 @@ impl Decoder<'_> {
 
     /// The material that the object names.
     fn material(&mut self, fields: &Fields) -> Option<u32> {
-        let name = fields.text(&MATERIAL)?;
+        self.named_material(fields.text(&MATERIAL)?, fields.span(&MATERIAL))
+    }
+
+    /// The material of this name.
+    pub(crate) fn named_material(&mut self, name: &str, span: Span) -> Option<u32> {
         let Some(index) = self.materials.get(name).copied() else {
-            self.validator.unknown_name("material", name, fields.span(&MATERIAL), self.materials.keys().copied());
+            self.validator.unknown_name("material", name, span, self.materials.keys().copied());
             self.valid = false;
             return None;
         };

@@ -181,9 +181,14 @@ impl TransformReader {
     }
 }
 
-/// Parses the rows of a 3 × 4 or 4 × 4 matrix.
+/// Parses the rows of a 3 × 4 or 4 × 4 matrix, or those of two that are inverse to each other.
 fn matrix(got: &Entry) -> Result<Transform, String> {
     let mut rows = [0.0; 12];
+    if let Some(both) = got.numbers::<24>() {
+        let [forward, inverse] = [&both[..12], &both[12..]].map(affine);
+        return Transform::with_inverse(forward, inverse)
+            .map_err(|_| "the last 12 numbers of the matrix aren't the inverse of the first 12".into());
+    }
     if let Some(all) = got.numbers::<16>() {
         if all[12..] != [0.0, 0.0, 0.0, 1.0] {
             return Err("the last row of the matrix must be 0 0 0 1; perspective is the camera's".into());
@@ -192,8 +197,11 @@ fn matrix(got: &Entry) -> Result<Transform, String> {
     } else if let Some(all) = got.numbers() {
         rows = all;
     }
-    let m = rows;
+    Transform::new(affine(&rows)).map_err(|_| "the matrix would make the object flat".into())
+}
+
+/// The map of three rows of four numbers.
+fn affine(m: &[f64]) -> DAffine3 {
     let linear = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
-    let forward = DAffine3 { matrix3: linear, translation: DVec3::new(m[3], m[7], m[11]) };
-    Transform::new(forward).map_err(|_| "the matrix would make the object flat".into())
+    DAffine3 { matrix3: linear, translation: DVec3::new(m[3], m[7], m[11]) }
 }

@@ -262,7 +262,7 @@ static MESH_LIGHT: LightNode = light_node(
     &[&[FILE.schema], SURFACE, LIGHT_FIELDS],
     "light \"mesh\" file=\"bunny.obj\" { scale 0.1; translate 0 5 0; samples 4; intensity 0.8 }",
     |decoder, f| {
-        let meshes = match &decoder.mesh(f, None, None, None)? {
+        let meshes = match &decoder.mesh(f, None, None, (None, Vec::new()))? {
             Content::Mesh(index) => vec![*index],
             Content::Group(parts) => {
                 let mut meshes = Vec::new();

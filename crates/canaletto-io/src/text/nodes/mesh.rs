@@ -5,11 +5,13 @@ use super::{CASTS_SHADOW, MATERIAL, NAME, ObjectNode, ObjectReader};
 use crate::diagnostic::{Diagnostics, Severity};
 use crate::import;
 use crate::text::decode::Decoder;
-use crate::text::reader::Fields;
+use crate::text::reader::{Entry, Fields};
 use crate::text::report::Message;
-use crate::text::schema::{Field, NodeSchema, Text};
+use crate::text::schema::{Block, Field, NodeSchema, Text};
 use crate::text::syntax::Span;
-use canaletto::scene::{self, Content};
+use canaletto::OutOfRange;
+use canaletto::scene::{self, Content, Fragment};
+use canaletto::shape::Mesh;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -20,24 +22,87 @@ const SMOOTH: Field<bool> = Field::new(
     "#true makes normals at the vertices from the faces around them, #false leaves out those of the file",
 )
 .or(|| "as in the file".into());
+const PART_MATERIAL: Field<Text> = Field::text("material", "the material's name").needed();
+
+/// `part` in a mesh.
+pub(crate) static PART: NodeSchema = NodeSchema::new("part", "The material of a part of a mesh.", &[])
+    .argument(PART_MATERIAL.schema)
+    .example("mesh file=\"bunny.obj\" { part \"blue\" }");
+
+const PART_FIELD: Field<Block> = Field::block(
+    &PART,
+    "the material of a part of the file in place of its own, once for each part in their order: the parts become one mesh, \
+     which is closed if all of them are together",
+)
+.many();
 
 pub(super) static MESH: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "mesh",
         "The objects of a file: glTF (with its materials, lights and cameras), OBJ (with its MTL materials), PLY or STL. \
          A material given here replaces the file's own.",
-        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
+        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema, PART_FIELD.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
     )
     .argument(NAME.schema)
     .transforms()
     .example("mesh file=\"bunny.obj\" material=\"blue\" { scale 10; rotate-y 30; translate 0 1 0 }"),
     read: ObjectReader::Content(|decoder, f, material| {
-        decoder.mesh(f, f.get(&SMOOTH), f.get(&ONE_SIDED), material)
+        let parts = f.every(&PART_FIELD).map(|part| decoder.part_material(part)).collect();
+        decoder.mesh(f, f.get(&SMOOTH), f.get(&ONE_SIDED), (material, parts))
     }),
 };
 
-/// The nodes of a file, by its path and the options `smooth` and `one-sided`.
-pub(crate) type MeshCache = HashMap<(PathBuf, Option<bool>, Option<bool>), Vec<scene::Node>>;
+/// The nodes of a file, by its path, the options `smooth` and `one-sided` and the materials of its parts.
+pub(crate) type MeshCache = HashMap<(PathBuf, Option<bool>, Option<bool>, Vec<u32>), Vec<scene::Node>>;
+
+/// The meshes of a file as one, whose parts have these materials in their order.
+fn joined(fragment: &Fragment, materials: Vec<u32>) -> Result<Mesh, String> {
+    let mut meshes = Vec::new();
+    let mut left: Vec<&scene::Node> = fragment.nodes.iter().rev().collect();
+    while let Some(node) = left.pop() {
+        if !node.transform.is_usual() {
+            return Err("its parts have places of their own, so they can't be one mesh; leave out part".into());
+        }
+        match &node.content {
+            Content::Group(children) => left.extend(children.iter().rev()),
+            Content::Mesh(index) => meshes.extend(fragment.meshes.get(*index as usize)),
+            _ => return Err("it holds more than triangles, so it can't be one mesh; leave out part".into()),
+        }
+    }
+    let count: usize = meshes.iter().map(|mesh| mesh.materials.len().max(1)).sum();
+    if count != materials.len() {
+        return Err(format!("part stands {} times, but the file has {count} parts", materials.len()));
+    }
+    let mut whole = Mesh { materials, ..Mesh::default() };
+    for (i, mesh) in meshes.iter().enumerate() {
+        if i == 0 {
+            (whole.name, whole.origin, whole.one_sided) = (mesh.name.clone(), mesh.origin, mesh.one_sided);
+            whole.more_uvs = vec![Vec::new(); mesh.more_uvs.len()];
+        }
+        append(&mut whole, mesh);
+    }
+    if count == 1 {
+        whole.slots = Vec::new();
+    }
+    // Lists that some parts lack have too few entries.
+    whole.check().map(|()| whole).map_err(|problem| format!("its parts have different data: {problem}"))
+}
+
+/// Appends a part to a mesh.
+fn append(whole: &mut Mesh, part: &Mesh) {
+    let first = whole.positions.len() as u32;
+    let slot = whole.slots.last().map_or(0, |last| last + 1);
+    let moved = (part.origin - whole.origin).as_vec3();
+    whole.positions.extend(part.positions.iter().map(|p| *p + moved));
+    whole.normals.extend(&part.normals);
+    whole.uvs.extend(&part.uvs);
+    whole.more_uvs.iter_mut().zip(&part.more_uvs).for_each(|(set, more)| set.extend(more));
+    whole.tangents.extend(&part.tangents);
+    whole.colors.extend(&part.colors);
+    whole.alphas.extend(&part.alphas);
+    whole.triangles.extend(part.triangles.iter().map(|corners| corners.map(|v| v + first)));
+    whole.slots.extend((0..part.len()).map(|i| slot + part.slot(i)));
+}
 
 /// Gives a part, and the parts in it, a material.
 fn repaint(part: &mut scene::Node, material: u32) {
@@ -55,12 +120,12 @@ impl Decoder<'_> {
         fields: &Fields,
         smooth: Option<bool>,
         one_sided: Option<bool>,
-        material: Option<u32>,
+        (material, of_parts): (Option<u32>, Vec<u32>),
     ) -> Option<Content> {
         let file = fields.text(&FILE)?;
         let from = self.validator.files.get(fields.span(&FILE).file)?.path.clone();
         let place = from.location().parent().map(|folder| folder.join(file)).unwrap_or_else(|| file.into());
-        let key = (place, smooth, one_sided);
+        let key = (place, smooth, one_sided, of_parts);
         let mut parts = match self.meshes.get(&key) {
             Some(parts) => parts.clone(),
             None => {
@@ -73,6 +138,9 @@ impl Decoder<'_> {
                     }
                 };
                 self.validator.report.append(warnings);
+                if !key.3.is_empty() {
+                    fragment = self.of_one_mesh(fields, &fragment, key.3.clone())?;
+                }
                 for mesh in &mut fragment.meshes {
                     mesh.one_sided = one_sided.unwrap_or(mesh.one_sided);
                     if smooth == Some(false) {
@@ -88,7 +156,15 @@ impl Decoder<'_> {
                     }
                 }
                 let mut parts = std::mem::take(&mut fragment.nodes);
+                let materials: Vec<Vec<u32>> = match key.3.is_empty() {
+                    true => Vec::new(),
+                    false => fragment.meshes.iter_mut().map(|mesh| std::mem::take(&mut mesh.materials)).collect(),
+                };
                 self.scene.append(fragment).shift_nodes(&mut parts);
+                // The materials of parts are the scene's already.
+                for (mesh, materials) in self.scene.meshes.iter_mut().rev().zip(materials.into_iter().rev()) {
+                    mesh.materials = materials;
+                }
                 self.used.resize(self.scene.materials.len(), true);
                 self.meshes.insert(key, parts.clone());
                 parts
@@ -104,6 +180,39 @@ impl Decoder<'_> {
             parts.iter_mut().for_each(|part| repaint(part, material));
         }
         Some(Content::Group(parts))
+    }
+
+    /// The material that a part names.
+    fn part_material(&mut self, part: &Entry) -> u32 {
+        let name = match part.node {
+            Some(node) => {
+                let fields = self.validator.fields(node, &PART, PART.name);
+                self.valid &= fields.valid;
+                fields.text(&PART_MATERIAL)
+            }
+            None => part.values.first().and_then(|value| value.as_text()),
+        };
+        name.and_then(|name| self.named_material(name, part.span)).unwrap_or(0)
+    }
+
+    /// The meshes of a file as one, with a material for each part.
+    fn of_one_mesh(&mut self, fields: &Fields, fragment: &Fragment, materials: Vec<u32>) -> Option<Fragment> {
+        if fields.has(&MATERIAL) {
+            let problem = "is given twice, for all and for parts; leave one out";
+            self.out_of_range(fields, &OutOfRange::new(MATERIAL.name(), problem));
+            return None;
+        }
+        match joined(fragment, materials) {
+            Ok(mesh) => {
+                let nodes = vec![scene::Node::new(Content::Mesh(0))];
+                Some(Fragment { nodes, meshes: vec![mesh], ..Fragment::default() })
+            }
+            Err(problem) => {
+                self.validator.report.error(fields.span(&PART_FIELD), problem);
+                self.valid = false;
+                None
+            }
+        }
     }
 
     /// Reports the mistakes in a file that a node names. A message about the whole file points at the name, `span`.

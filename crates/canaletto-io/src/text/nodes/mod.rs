@@ -30,6 +30,8 @@ pub(crate) use integrator::INTEGRATOR;
 pub(crate) use lights::{LIGHT, LIGHTS, light};
 pub(crate) use material::{CONDUCTOR, MATERIAL as MATERIAL_NODE, MEDIUM};
 pub(crate) use mesh::MeshCache;
+#[cfg(test)]
+pub(crate) use mesh::PART;
 pub(crate) use motion::{
     ALONG, ANIMATION, AT, CAMERA_FOLLOW, CLOSED, CURVE, EASE, FACE, FOLLOW, FOLLOWED, FPS, FRAMES, KEY, KEYS, MATRIX,
     MOTION, MOTION_FIELD, PATH, PATH_NAME, PATH_POINTS, POINT_FOLLOW, TRANSFORMS, TRANSLATE, TURN, UP,

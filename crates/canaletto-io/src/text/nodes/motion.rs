@@ -20,8 +20,12 @@ const ROTATE: Field<Numbers> =
 const SCALE: Field<Numbers> =
     Field::numbers("scale", &[1, 3], "scales by a factor, or by one for each axis; a negative one mirrors");
 /// A matrix, which keys don't interpolate.
-pub(crate) const MATRIX: Field<Numbers> =
-    Field::numbers("matrix", &[12, 16], "a matrix, row by row; of 16 numbers the last row is 0 0 0 1");
+pub(crate) const MATRIX: Field<Numbers> = Field::numbers(
+    "matrix",
+    &[12, 16, 24],
+    "a matrix, row by row; of 16 numbers the last row is 0 0 0 1; of 24 the last 12 \
+     are those of its inverse, which keep its last bits",
+);
 const FOLLOW_FIELD: Field<Block> = Field::block(&FOLLOW, "moves to a place on a path; see Motion");
 
 /// The transforms of an object.

@@ -34,6 +34,7 @@ fn schemas() -> Vec<(&'static NodeSchema, String)> {
         &CAMERA_MOTION,
         &CONDUCTOR,
         &MEDIUM,
+        &PART,
         &SURFACE_TEXTURE,
         &MOTION,
         &FOLLOW,

@@ -13,6 +13,7 @@ use crate::text::report::Message;
 use crate::text::schema::{Field, FieldSchema, NodeSchema, Text, quoted};
 use crate::text::syntax::{Node, Span};
 use canaletto::Named;
+use canaletto::math::Rgb;
 use canaletto::texture::{ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Texture, TextureKind, Wrap};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -30,8 +31,21 @@ pub(crate) struct TextureNode {
 }
 
 /// The kinds of textures, in the order of the reference. A texture without a kind is of the first.
-pub(crate) static TEXTURES: &[&TextureNode] =
-    &[&IMAGE, &RAMP, &GRID, &VERTEX_COLOR, &CHECKER, &GRADIENT, &NOISE, &FBM, &TURBULENCE, &MARBLE, &WOOD, &WORLEY];
+pub(crate) static TEXTURES: &[&TextureNode] = &[
+    &IMAGE,
+    &CONSTANT,
+    &RAMP,
+    &GRID,
+    &VERTEX_COLOR,
+    &CHECKER,
+    &GRADIENT,
+    &NOISE,
+    &FBM,
+    &TURBULENCE,
+    &MARBLE,
+    &WOOD,
+    &WORLEY,
+];
 
 /// The schema of a texture node.
 pub(crate) fn texture(node: &Node) -> Option<&'static NodeSchema> {
@@ -116,6 +130,21 @@ static IMAGE: TextureNode = texture_node(
             space: f.word(&SPACE),
             ..ImageTexture::new(image)
         }))
+    },
+);
+
+const COLOR: Field<Rgb> = Field::new("color", "the colour, linear").needed();
+const ALPHA: Field<f32> = Field::new("alpha", "its alpha, 0 to 1").or(|| DEFAULT_ALPHA.to_string());
+/// The default alpha of a constant texture.
+const DEFAULT_ALPHA: f32 = 1.0;
+
+static CONSTANT: TextureNode = texture_node(
+    "One colour everywhere.",
+    &[&[kind(&["constant"]).needed().schema, COLOR.schema, ALPHA.schema]],
+    "texture \"white\" kind=\"constant\" { color 1; alpha 0.5 }",
+    |_, f| {
+        let Rgb { r, g, b } = f.get(&COLOR)?;
+        Some(TextureKind::Constant([r, g, b, f.get(&ALPHA).unwrap_or(DEFAULT_ALPHA)]))
     },
 );
 
