@@ -54,14 +54,13 @@ fn mistakes_are_told_and_nothing_is_replaced() {
     fs::write(folder.path("a.glb"), "mine").unwrap();
     folder.says("convert s.kdl a.glb --no-clobber", 1, &["a.glb"]);
     assert_eq!(fs::read(folder.path("a.glb")).unwrap(), b"mine");
-    // A file beside the output is an input.
-    fs::create_dir(folder.path("b.assets")).unwrap();
-    fs::write(folder.path("b.assets/m.glb"), "x").unwrap();
-    fs::write(folder.path("t.kdl"), "mesh file=\"b.assets/m.obj\"\ncamera { eye 0 1 5 }").unwrap();
-    fs::write(folder.path("b.assets/m.obj"), MODEL.replace("mtllib m.mtl\n", "").replace("usemtl odd/name\n", ""))
-        .unwrap();
-    folder.says("convert t.kdl b.kdl -q", 0, &[]);
-    folder.says("convert b.kdl b.KDL -q --no-clobber", 1, &[]);
+    // The files beside the output may be those that the scene names.
+    fs::write(folder.path("m.obj"), "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n").unwrap();
+    folder.says("convert m.obj b.kdl -q", 0, &[]);
+    let before = fs::read(folder.path("b.assets/m.glb")).unwrap();
+    folder.says("convert b.kdl b.KDL -q", 2, &["b.assets/", "would replace a file that is read for it"]);
+    assert_eq!(fs::read(folder.path("b.assets/m.glb")).unwrap(), before);
+    assert!(!folder.path("b.KDL").exists());
 }
 
 #[test]

@@ -139,7 +139,7 @@ fn folders_are_made_when_asked_for() {
         ("explain s.kdl -p 4,4 --svg 7/a.svg --html 8/a.html", &["7/a.svg", "8/a.html"]),
         ("measure s.kdl --points p.csv --rays 16 -o 9/a.csv", &["9/a.csv"]),
         ("bake s.kdl -o 10/a.obj", &["10/a.obj", "10/a.mtl"]),
-        ("convert s.kdl 12/a.kdl -q", &["12/a.kdl"]),
+        ("convert s.kdl 15/a.kdl -q", &["15/a.kdl"]),
         ("denoise 3/s.png -o 11/a.png", &[]),
         ("compare 3/s.png 3/b.png --diff 12/a.png", &["12/a.png"]),
         ("compare-methods s.kdl -q -o 13/a.png", &["13/a.png"]),
