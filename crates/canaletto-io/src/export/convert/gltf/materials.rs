@@ -50,7 +50,15 @@ impl Writer<'_> {
         if let Some(known) = self.known_materials.get(&key) {
             return Some(*known);
         }
-        let default = Material { name: "default".into(), ..Material::default() };
+        let default = match self.has_default_material {
+            true => Material { name: "default".into(), ..Material::default() },
+            // Models have one like clay, whose colour the mesh's own replace.
+            false => {
+                let mut surface = StandardSurface::default();
+                surface.specular.roughness = 0.5;
+                Material::new_standard("default", surface)
+            }
+        };
         let scene = self.scene;
         let material = index.and_then(|index| scene.materials.get(index as usize)).unwrap_or(&default);
         let made = self.made(material, key);
