@@ -7,6 +7,9 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::scene::{Content, Node, Scene};
 use canaletto::shape::{CylinderCloud, Mesh, Shape, SphereCloud};
 use glam::{DVec3, Vec2, Vec3};
+use std::collections::HashMap;
+use std::ops::Deref;
+use std::rc::Rc;
 
 /// How far triangles may lie from a round shape, as a share of its size.
 const TOLERANCE: f64 = 5e-4;
@@ -173,10 +176,28 @@ impl Tessellator {
     }
 }
 
+/// A mesh of the scene, or one of a shape or cloud, which instances share.
+#[derive(Clone)]
+pub(super) enum PlacedMesh<'a> {
+    OfScene(&'a Mesh),
+    Made(Rc<Mesh>),
+}
+
+impl Deref for PlacedMesh<'_> {
+    type Target = Mesh;
+
+    fn deref(&self) -> &Mesh {
+        match self {
+            PlacedMesh::OfScene(mesh) => mesh,
+            PlacedMesh::Made(mesh) => mesh,
+        }
+    }
+}
+
 /// A mesh at its place in the scene.
 pub(super) struct Placed<'a> {
     pub(super) name: String,
-    pub(super) mesh: std::borrow::Cow<'a, Mesh>,
+    pub(super) mesh: PlacedMesh<'a>,
     pub(super) transform: Transform,
     /// The material of each slot of the mesh.
     pub(super) materials: Vec<Option<u32>>,
@@ -215,12 +236,14 @@ pub(super) fn color_of(scene: &Scene, material: Option<u32>) -> Rgb {
     material.standard().map_or_else(|| material.classic().kd, |surface| surface.base.color * surface.base.weight)
 }
 
-/// The most meshes of a scene whose instances are written one by one.
+/// The most meshes of a scene whose instances are written one by one, and the most triangles of all.
 const MOST_PLACED: usize = 1 << 20;
+const MOST_PLACED_TRIANGLES: usize = 1 << 24;
 
 /// All objects of a scene as meshes at their places.
 pub(super) fn placed<'a>(scene: &'a Scene, lost: &mut Lost) -> Vec<Placed<'a>> {
-    let mut walk = Walk { scene, tessellator: Tessellator::new(scene), lost, all: Vec::new() };
+    let mut walk =
+        Walk { scene, tessellator: Tessellator::new(scene), lost, all: Vec::new(), made: HashMap::new(), count: 0 };
     for node in &scene.nodes {
         walk.node(node, &Transform::IDENTITY, None, None, 0);
     }
@@ -232,6 +255,10 @@ struct Walk<'a, 'l> {
     tessellator: Tessellator,
     lost: &'l mut Lost,
     all: Vec<Placed<'a>>,
+    /// The meshes of shapes and clouds by their nodes.
+    made: HashMap<*const Node, Option<Rc<Mesh>>>,
+    /// The number of triangles so far.
+    count: usize,
 }
 
 impl<'a> Walk<'a, '_> {
@@ -243,8 +270,8 @@ impl<'a> Walk<'a, '_> {
         outer: Option<&'a str>,
         depth: usize,
     ) {
-        if depth > Node::MAX_NESTING || self.all.len() >= MOST_PLACED {
-            self.lost.of_scene("objects beyond the first million, or too deep in groups");
+        if depth > Node::MAX_NESTING || self.all.len() >= MOST_PLACED || self.count >= MOST_PLACED_TRIANGLES {
+            self.lost.of_scene("objects beyond the first million or 16 million triangles, or too deep in groups");
             return;
         }
         let transform = around.after(&node.transform);
@@ -268,17 +295,9 @@ impl<'a> Walk<'a, '_> {
                 }
                 None
             }
-            Content::Mesh(index) => self.scene.meshes.get(*index as usize).map(std::borrow::Cow::Borrowed),
-            Content::Shape(shape) => {
-                self.tessellator.shape(node, shape, &transform, self.lost).map(std::borrow::Cow::Owned)
-            }
-            Content::Spheres(index) => {
-                let cloud = self.scene.spheres.get(*index as usize);
-                cloud.and_then(|cloud| self.tessellator.spheres(cloud, self.lost)).map(std::borrow::Cow::Owned)
-            }
-            Content::Cylinders(index) => {
-                let cloud = self.scene.cylinders.get(*index as usize);
-                cloud.and_then(|cloud| self.tessellator.cylinders(cloud, self.lost)).map(std::borrow::Cow::Owned)
+            Content::Mesh(index) => self.scene.meshes.get(*index as usize).map(PlacedMesh::OfScene),
+            Content::Shape(_) | Content::Spheres(_) | Content::Cylinders(_) => {
+                self.made(node, &transform).map(PlacedMesh::Made)
             }
         };
         let Some(mesh) = mesh.filter(|mesh| !mesh.is_empty()) else { return };
@@ -289,6 +308,29 @@ impl<'a> Walk<'a, '_> {
         let of_slot = |slot: u32| node.material.or(mesh.materials.get(slot as usize).copied()).or(inherited);
         let materials = (0..=slots).map(of_slot).collect();
         let name = name.unwrap_or(&mesh.name).to_owned();
+        self.count += mesh.len();
         self.all.push(Placed { name, mesh, transform, materials });
+    }
+
+    /// The mesh of a shape or cloud. That of a plane depends on its place.
+    fn made(&mut self, node: &Node, transform: &Transform) -> Option<Rc<Mesh>> {
+        let is_plane = matches!(node.content, Content::Shape(Shape::Plane(_)));
+        if let Some(known) = self.made.get(&std::ptr::from_ref(node)).filter(|_| !is_plane) {
+            return known.clone();
+        }
+        let scene = self.scene;
+        let mesh = match &node.content {
+            Content::Shape(shape) => self.tessellator.shape(node, shape, transform, self.lost),
+            Content::Spheres(index) => {
+                scene.spheres.get(*index as usize).and_then(|cloud| self.tessellator.spheres(cloud, self.lost))
+            }
+            Content::Cylinders(index) => {
+                scene.cylinders.get(*index as usize).and_then(|cloud| self.tessellator.cylinders(cloud, self.lost))
+            }
+            _ => None,
+        };
+        let mesh = mesh.map(Rc::new);
+        self.made.insert(std::ptr::from_ref(node), mesh.clone());
+        mesh
     }
 }

@@ -14,7 +14,7 @@ use crate::export::glb;
 use crate::picture::SOFTWARE;
 use canaletto::math::Transform;
 use canaletto::scene::{Content, Node, Scene};
-use canaletto::shape::Mesh;
+use canaletto::shape::{Mesh, Shape};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use materials::MaterialKey;
 use serde_json::{Map, Value, json};
@@ -44,6 +44,8 @@ struct Writer<'a> {
     /// The attributes of each mesh of the scene that was written.
     vertices: HashMap<u32, Map<String, Value>>,
     known_meshes: HashMap<(u32, Vec<Option<usize>>), usize>,
+    /// The meshes of shapes and clouds, by their nodes and materials. Instances share them.
+    own_meshes: HashMap<(*const Node, Option<u32>), (usize, DVec3)>,
     known_materials: HashMap<MaterialKey, usize>,
     known_textures: HashMap<TextureKey, Option<usize>>,
     known_images: HashMap<u32, Option<usize>>,
@@ -70,6 +72,7 @@ pub(super) fn convert(source: &Source, is_binary: bool) -> Conversion {
         extensions: BTreeSet::new(),
         vertices: HashMap::new(),
         known_meshes: HashMap::new(),
+        own_meshes: HashMap::new(),
         known_materials: HashMap::new(),
         known_textures: HashMap::new(),
         known_images: HashMap::new(),
@@ -195,17 +198,9 @@ impl Writer<'_> {
                     }
                 }
             }
-            Content::Shape(shape) => {
-                let mesh = self.tessellator.shape(node, shape, &to_world, &mut self.lost)?;
-                self.own_node(mesh, material, &sheared)?
-            }
-            Content::Spheres(index) => {
-                let mesh = self.tessellator.spheres(scene.spheres.get(*index as usize)?, &mut self.lost)?;
-                self.own_node(mesh, material, &sheared)?
-            }
-            Content::Cylinders(index) => {
-                let mesh = self.tessellator.cylinders(scene.cylinders.get(*index as usize)?, &mut self.lost)?;
-                self.own_node(mesh, material, &sheared)?
+            Content::Shape(_) | Content::Spheres(_) | Content::Cylinders(_) => {
+                let (number, origin) = self.own_mesh(node, &inside, material)?;
+                self.at(json!({ "mesh": number }), origin)
             }
         };
         if let Some(name) = &node.name {
@@ -216,11 +211,28 @@ impl Writer<'_> {
         Some(self.nodes.len() - 1)
     }
 
-    /// The node of a mesh that the scene doesn't hold.
-    fn own_node(&mut self, mesh: Mesh, material: Option<u32>, sheared: &Transform) -> Option<Value> {
-        let mesh = if sheared.is_identity() { mesh } else { transformed(&mesh, sheared) };
-        let number = self.parts_of(&mesh, None, material)?;
-        Some(self.at(json!({ "mesh": number }), mesh.origin))
+    /// The number of the mesh of a shape or cloud, and its origin.
+    fn own_mesh(&mut self, node: &Node, place: &Place, material: Option<u32>) -> Option<(usize, DVec3)> {
+        // The part of a plane that is there depends on its place.
+        let is_same = place.sheared.is_identity() && !matches!(node.content, Content::Shape(Shape::Plane(_)));
+        let key = (std::ptr::from_ref(node), material);
+        if let Some(known) = self.own_meshes.get(&key).filter(|_| is_same) {
+            return Some(*known);
+        }
+        let scene = self.scene;
+        let (tessellator, lost) = (&self.tessellator, &mut self.lost);
+        let mesh = match &node.content {
+            Content::Shape(shape) => tessellator.shape(node, shape, &place.to_world, lost),
+            Content::Spheres(index) => tessellator.spheres(scene.spheres.get(*index as usize)?, lost),
+            Content::Cylinders(index) => tessellator.cylinders(scene.cylinders.get(*index as usize)?, lost),
+            _ => None,
+        }?;
+        let mesh = if place.sheared.is_identity() { mesh } else { transformed(&mesh, &place.sheared) };
+        let made = (self.parts_of(&mesh, None, material)?, mesh.origin);
+        if is_same {
+            self.own_meshes.insert(key, made);
+        }
+        Some(made)
     }
 
     /// A node whose coordinates are relative to an origin.
