@@ -113,6 +113,46 @@ fn no_horizon_is_seen() {
     }
 }
 
+/// Without a background the shadow is in the alpha. Over the background's grey the picture is that with its floor.
+#[test]
+fn shadows_are_in_the_alpha() {
+    for light in [StageLight::Studio, StageLight::Neutral, StageLight::Sky] {
+        let staging = Staging { light: Some(light), ..Staging::default() };
+        let with_floor = staged(ball(1.0), &staging);
+        let mut cut_out = with_floor.clone();
+        cut_out.film.alpha = true;
+        let background = cut_out.background;
+        let samples = if light == StageLight::Sky { 256 } else { 64 };
+        let [(whole, _), (seen, job)] = [with_floor, cut_out].map(|scene| rendered(scene, [48, 36], samples));
+        let picture = &seen.picture;
+        let (mut clear, mut shadows, mut worst) = (0, 0, 0f32);
+        for i in 0..picture.pixels.len() {
+            let over = picture.pixels[i] + background * (1.0 - picture.opacity(i));
+            let expected = whole.picture.pixels[i];
+            let error = (over.luminance() - expected.luminance()) / background.luminance();
+            if picture.alpha[i] == 0.0 {
+                assert_eq!(picture.pixels[i], Rgb::BLACK);
+                clear += u32::from(picture.shadow[i] < 0.05);
+                shadows += u32::from(picture.shadow[i] > 0.1);
+                // What is brighter than the background, as noise makes it, isn't shown.
+                worst = worst.max(if error < 0.0 && picture.shadow[i] == 0.0 { 0.0 } else { error.abs() });
+            } else if picture.alpha[i] == 1.0 {
+                assert_eq!((picture.pixels[i], picture.shadow[i]), (expected, 0.0));
+            }
+        }
+        assert!(worst < 0.02, "{light:?}: {worst}");
+        assert!(clear > 300 && shadows > 30, "{light:?}: {clear} {shadows}");
+        // A page that blends the numbers of the file shows the numbers of the light.
+        let Some(half) = picture.shadow.iter().position(|s| (0.3..0.9).contains(s)) else { continue };
+        let developer = canaletto::film::Developer::new(picture, &job.developing());
+        let (color, alpha) = developer.with_alpha(picture, half);
+        let page = canaletto::film::srgb_encode(0.6);
+        let light = 0.6 * (1.0 - picture.shadow[half]);
+        assert_eq!(color, Rgb::BLACK);
+        assert!((page * (1.0 - alpha) - canaletto::film::srgb_encode(light)).abs() < 0.03);
+    }
+}
+
 /// Lights of KHR_lights_punctual: E = I cos / d² and the cone's square, on a white floor that returns E / π.
 #[test]
 fn lights_of_gltf_have_their_units() {

@@ -1,5 +1,6 @@
 //! The flags that several commands share, as typed. [`crate::settings`] defines their meaning.
 
+use crate::backdrop::{BackgroundFlag, background};
 use crate::failure::print_diagnostics;
 use crate::model::is_model;
 use crate::progress::{ProgressFlag, Style};
@@ -259,15 +260,6 @@ pub(crate) enum BuildFlag {
     High,
 }
 
-/// The background of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackgroundFlag {
-    /// Transparent
-    None,
-    /// That of the scene
-    Scene,
-}
-
 /// Which picture of the scene. What isn't given is as the scene says.
 #[derive(Args, Clone, Debug, Default)]
 pub(crate) struct PictureFlags {
@@ -339,11 +331,15 @@ pub(crate) struct PictureFlags {
     #[arg(long, help_heading = "Light")]
     pub no_shadows: bool,
 
-    /// Shows the background of the scene, or none: a transparent one [default: the scene's film]
+    /// Shows the background of the scene, none, a colour, a gradient or a picture [default: the scene's film]
     ///
-    /// Without a background a PNG, APNG or EXR has an alpha. What the camera sees straight on is left out, also through
-    /// holes, media and panes that don't bend it. Reflections and light of the background stay.
-    #[arg(long, value_name = "WHICH", help_heading = "Colour")]
+    /// none is a transparent one: a PNG, APNG or EXR has an alpha. What the camera sees straight on is left out, also
+    /// through holes, media and panes that don't bend it. Reflections and light of the background stay. The shadow on a
+    /// model's floor is in the alpha.
+    ///
+    /// Anything else is laid under such a picture, and looks as it is given: a colour such as '#ffffff', colours from
+    /// the top to the bottom such as '#fff,#9ab', or a picture's file, which covers all of it.
+    #[arg(long, value_name = "none|scene|COLOR[,COLOR]|FILE", value_parser = background, help_heading = "Colour")]
     pub background: Option<BackgroundFlag>,
 
     /// Sets the exposure in stops: 1 doubles the light, -1 halves it; auto meters the picture, as paths do by default.

@@ -1,6 +1,6 @@
 //! Displayable pictures of extra layers. An EXR holds the numbers themselves; a PNG needs a mapping to colours.
 
-use canaletto::film::{Developer, Layer, Picture, develop};
+use canaletto::film::{Developer, Layer, Picture, develop, develop_alpha};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{Developing, Transfer};
@@ -60,7 +60,7 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing
 pub(crate) fn developed(picture: &Picture, developing: &Developing) -> Image {
     let mut image = rgb_image(picture, &develop(picture, developing));
     if !picture.alpha.is_empty() {
-        image.channels.push(Channel::new("A", picture.alpha.clone()));
+        image.channels.push(Channel::new("A", develop_alpha(picture, developing)));
     }
     image
 }

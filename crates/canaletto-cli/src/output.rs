@@ -54,6 +54,10 @@ pub(crate) struct OutputFlags {
     /// Sets the compression effort of a PNG or APNG [default: default]; changes no pixel
     #[arg(long, value_name = "HOW", help_heading = "Output")]
     pub compression: Option<CompressionFlag>,
+
+    /// Sets the quality of a JPEG, from 1 to 100: how near its pixels are to the picture [default: 92]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=100), help_heading = "Output")]
+    pub jpeg_quality: Option<u8>,
     /// Writes the layers object-id, material-id and element-id of an EXR as whole numbers (UINT) instead of floats
     #[arg(long, help_heading = "Output")]
     pub uint_ids: bool,
@@ -186,8 +190,13 @@ impl Output {
             let names = Format::short_names(Format::has_whole_ids);
             return Err(Failure::usage(format!("--uint-ids is for {names}; {format} has no numbers in its layers")));
         }
+        if flags.jpeg_quality.is_some() && !format.is_lossy() {
+            let names = Format::short_names(Format::is_lossy);
+            return Err(Failure::usage(format!("--jpeg-quality is for {names}")));
+        }
         let compression = flags.compression.map_or(Compression::Default, Into::into);
-        let settings = EncodeSettings { bits, compression, whole_ids: flags.uint_ids, window: None };
+        let (quality, whole_ids) = (flags.jpeg_quality, flags.uint_ids);
+        let settings = EncodeSettings { bits, compression, quality, whole_ids, window: None };
         let durable = numbered || format.film().is_some();
         let numbered = numbered && format.film().is_none();
         let no_clobber = flags.no_clobber;
@@ -280,8 +289,8 @@ impl Output {
         let is_linear = format.capabilities().is_some_and(|can| can.linear);
         let (image, transfer) =
             if is_linear { (image.map_color(srgb_decode), Transfer::None) } else { (image, Transfer::Srgb) };
-        let EncodeSettings { bits, compression, .. } = self.settings;
-        let settings = EncodeSettings { bits, compression, ..EncodeSettings::default() };
+        let EncodeSettings { bits, compression, quality, .. } = self.settings;
+        let settings = EncodeSettings { bits, compression, quality, ..EncodeSettings::default() };
         let bytes = format.encode_image(&image, transfer, &settings, texts);
         self.write(path, &bytes.map_err(|e| unfit(&e))?)
     }
@@ -482,6 +491,7 @@ mod tests {
             format: None,
             bits: None,
             compression: None,
+            jpeg_quality: None,
             uint_ids: false,
             no_clobber: false,
             folder: FolderFlag::default(),

@@ -24,6 +24,7 @@ static ALL: LazyLock<Vec<Format>> = LazyLock::new(|| {
 impl Format {
     /// The format of files with this extension, which is in lower case.
     pub(crate) fn of_extension(extension: &str) -> Option<Format> {
+        let extension = if extension == "jpeg" { "jpg" } else { extension };
         ALL.iter().copied().find(|format| format.extension() == extension)
     }
 
@@ -84,6 +85,11 @@ impl Format {
             Format::Picture(_) => self.capabilities().is_some_and(|can| can.alpha),
             Format::Movie(format) => format.has_alpha(),
         }
+    }
+
+    /// Whether the quality of values can be chosen.
+    pub(crate) fn is_lossy(self) -> bool {
+        self.capabilities().is_some_and(|can| can.lossy)
     }
 
     /// Whether ids of objects and materials can be whole numbers.

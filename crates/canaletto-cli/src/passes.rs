@@ -10,7 +10,7 @@ use crate::noise_outlook::Outlook;
 use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
-use crate::settings::{ALPHA, PROGRESSIVE, not_progressive};
+use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE, not_progressive};
 use canaletto::film::{SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{SamplerKind, Sampling};
@@ -146,7 +146,7 @@ impl PassFlags {
 const SCENE_DIGEST: &str = "scene-digest";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 16] = [
+const TELLING: [&str; 18] = [
     "Software",
     "size",
     "crop",
@@ -157,6 +157,8 @@ const TELLING: [&str; 16] = [
     "integrator",
     PROGRESSIVE,
     ALPHA,
+    BACKGROUND,
+    MODEL,
     "sampler",
     "filter",
     "clamp",

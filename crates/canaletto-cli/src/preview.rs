@@ -1,5 +1,6 @@
 //! `--preview`: coarse pictures before the whole one, and the whole one while samples are added to it.
 
+use crate::backdrop::Finish;
 use crate::complete::texts;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, PictureSize};
@@ -52,6 +53,7 @@ pub(crate) struct PreviewFile<'a> {
     /// The text entries of the picture's file.
     pub texts: &'a [(String, String)],
     pub window: Window,
+    pub finish: Finish<'a>,
 }
 
 impl PreviewFile<'_> {
@@ -67,7 +69,9 @@ impl PreviewFile<'_> {
         texts.push((UNFINISHED.into(), unfinished));
         let settings =
             EncodeSettings { compression: Compression::Fast, window: Some(self.window), ..self.output.settings };
-        let rendered = Rendered { picture, developing: self.job.developing() };
+        let mut picture = picture.clone();
+        let developing = self.finish.apply(&mut picture, self.job, true);
+        let rendered = Rendered { picture: &picture, developing };
         let bytes = format.encode(&rendered, &settings, &texts, &|| !interrupt::stops()).map_err(|e| unfit(&e))?;
         if interrupt::stops() {
             return Ok(());
@@ -98,7 +102,9 @@ pub(crate) fn enlarged(picture: &Picture, [width, height]: [u32; 2]) -> Picture 
         for (x, pixel) in row.iter_mut().enumerate() {
             let from = [nearest(x as u32, picture.width, width), from];
             *pixel = picture.pixel(from[0], from[1]);
-            large.alpha.extend(picture.alpha.get(from[1] as usize * picture.width as usize + from[0] as usize));
+            let number = from[1] as usize * picture.width as usize + from[0] as usize;
+            large.alpha.extend(picture.alpha.get(number));
+            large.shadow.extend(picture.shadow.get(number));
         }
     }
     large

@@ -1,8 +1,9 @@
 //! The meaning of the flags: they are combined with the scene's own settings in this module only.
 
+use crate::backdrop::BackgroundFlag;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::flags::{BackgroundFlag, PictureFlags, SourceFlags};
+use crate::flags::{PictureFlags, SourceFlags};
 use crate::format::count;
 use crate::told_developing::{EXPOSURE, TONE, TRANSFER};
 use canaletto::Named;
@@ -21,6 +22,9 @@ pub(crate) const MODEL: &str = "model";
 
 /// The text entry of a picture without a background.
 pub(crate) const ALPHA: &str = "alpha";
+
+/// The text entry of what a picture is laid over.
+pub(crate) const BACKGROUND: &str = "background";
 
 /// The job of a command, and the name of its camera.
 #[derive(Clone, Debug)]
@@ -54,7 +58,7 @@ impl Settings {
             exposure: flags.exposure.or(scene.film.exposure),
             tone: flags.tone.or(scene.film.tone),
             transfer: flags.transfer.unwrap_or(scene.film.transfer),
-            alpha: flags.background.map_or(scene.film.alpha, |which| which == BackgroundFlag::None),
+            alpha: flags.background.as_ref().map_or(scene.film.alpha, |which| *which == BackgroundFlag::None),
             crop: flags.crop.or(own_crop),
             ..scene.film
         };

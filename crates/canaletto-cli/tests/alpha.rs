@@ -95,6 +95,56 @@ fn composites_are_pictures_with_that_background() {
     }
 }
 
+/// A backdrop has its own colours wherever nothing is, whatever exposure and tone are. In linear light the picture is
+/// C + (1 − a) B. Formats without alpha take it, too, and a film.
+#[test]
+fn backdrops_keep_their_colors() {
+    let folder = Folder::new("s.kdl", SCENE);
+    folder.says("render s.kdl -q -o page.png --size 10x10 --set background='1 0.5 0.25' --set material.bright.coverage=0", 0, &[]);
+    let seen = rgba(&render(&folder, "--background none", "a.exr"));
+    let [r, g, b] = [255.0, 0.0, 51.0].map(|v: f32| srgb_decode(v / 255.0));
+    let exr = rgb(&render(&folder, "--background #ff0033", "b.exr"));
+    for (i, &[own_r, own_g, own_b, a]) in seen.iter().enumerate() {
+        let expected = [own_r + (1.0 - a) * r, own_g + (1.0 - a) * g, own_b + (1.0 - a) * b];
+        assert!((0..3).all(|c| (exr[i][c] - expected[c]).abs() < 1e-6), "{i}: {:?} for {expected:?}", exr[i]);
+    }
+    let corner = |name: &str| {
+        let picture = folder.picture(name);
+        assert!(picture.image.channel("A").is_none(), "{name}");
+        let all = rgb(&picture);
+        [all[0], all[40 * 23]].map(|color| color.map(|v| (v * 255.0).round() as i32))
+    };
+    for flags in ["", "--exposure 3 --tone agx", "--integrator path --samples 4", "--integrator zbuffer"] {
+        render(&folder, &format!("{flags} --background #ff0033"), "b.png");
+        assert_eq!(corner("b.png"), [[255, 0, 51]; 2], "{flags}");
+    }
+    render(&folder, "--background #fff,#000", "b.webp");
+    let [top, bottom] = corner("b.webp").map(|color| color[0]);
+    assert!((245..=255).contains(&top) && (0..=10).contains(&bottom), "{top} {bottom}");
+    render(&folder, "--background #fff --jpeg-quality 100", "b.jpg");
+    assert!(corner("b.jpg").as_flattened().iter().all(|v| *v >= 253), "{:?}", corner("b.jpg"));
+    folder.says("render s.kdl -q -o b.gif --frames 1-2 --background #fff", 0, &[]);
+    // A picture covers all. This one is nothing but its background.
+    render(&folder, "--background page.png", "b.png");
+    assert_eq!(corner("b.png"), [[255, 188, 137]; 2]);
+    // Half of each: where nothing is, the recipe's picture has the same bytes.
+    folder.says("info b.png", 0, &["--background page.png"]);
+}
+
+/// What can't be a backdrop is refused before rendering, and no output replaces one.
+#[test]
+fn wrong_backdrops_are_named() {
+    let folder = Folder::new("s.kdl", SCENE);
+    folder.says("render s.kdl -o a.png --background nothing", 2, &["a colour such as #ffffff"]);
+    folder.says("render s.kdl -o a.png --background no.jpg", 3, &["--background no.jpg", "No such file"]);
+    fs::write(folder.path("text.png"), "text").unwrap();
+    folder.says("render s.kdl -o a.png --background text.png", 3, &["--background text.png"]);
+    folder.says("render s.kdl -q -o a.png", 0, &[]);
+    folder.says("render s.kdl -o a.png --background a.png", 2, &["a.png"]);
+    folder.says("render s.kdl -o a.jpg --background none", 2, &["JPEG has no alpha", "WebP"]);
+    folder.says("render s.kdl -o a.png --jpeg-quality 80", 2, &["--jpeg-quality is for JPEG"]);
+}
+
 /// Adaptive sampling refines edges that only alpha has: a black ball before nothing.
 #[test]
 fn adaptive_sampling_sees_alpha() {

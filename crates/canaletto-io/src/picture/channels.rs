@@ -12,7 +12,8 @@ impl Image {
     pub fn from_picture(picture: &Picture) -> Image {
         let mut image = Image::from_rgb(picture.width, picture.height, picture.pixels.iter().map(|c| c.to_array()));
         if !picture.alpha.is_empty() {
-            image.channels.push(Channel::new("A", picture.alpha.clone()));
+            let alpha = (0..picture.pixels.len()).map(|i| picture.opacity(i)).collect();
+            image.channels.push(Channel::new("A", alpha));
         }
         for layer in &picture.layers {
             let count = layer.channels.len();
@@ -59,7 +60,7 @@ pub(super) fn fill_channel(picture: &Picture, channel: usize, range: Range<usize
     };
     if !picture.alpha.is_empty() {
         match left.checked_sub(1) {
-            None => return out.copy_from_slice(&picture.alpha[range]),
+            None => return out.iter_mut().zip(range).for_each(|(v, i)| *v = picture.opacity(i)),
             Some(after) => left = after,
         }
     }

@@ -33,6 +33,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
             layers: true,
             texts: true,
             compression: false,
+            lossy: false,
             whole_ids: true,
         },
         encode: |rendered, settings, texts, goes_on| {

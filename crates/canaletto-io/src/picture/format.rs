@@ -2,8 +2,12 @@
 
 #[cfg(feature = "exr")]
 use super::exr;
+#[cfg(feature = "jpeg")]
+use super::jpeg;
 #[cfg(feature = "png")]
 use super::png;
+#[cfg(feature = "webp")]
+use super::webp;
 use super::{Decoded, Image, PictureError, Window, pnm, texture};
 use crate::codec::CodecOff;
 use crate::image;
@@ -30,9 +34,9 @@ pub enum PictureFormat {
     Png,
     /// OpenEXR.
     Exr,
-    /// JPEG, which is only read.
+    /// JPEG.
     Jpeg,
-    /// WebP, which is only read.
+    /// WebP.
     WebP,
     /// Radiance HDR, which is only read.
     Hdr,
@@ -50,7 +54,13 @@ static FORMATS: [(PictureFormat, FormatInfo); 6] = [
     (PictureFormat::Exr, exr::FORMAT),
     #[cfg(not(feature = "exr"))]
     (PictureFormat::Exr, texture::EXR),
+    #[cfg(feature = "jpeg")]
+    (PictureFormat::Jpeg, jpeg::FORMAT),
+    #[cfg(not(feature = "jpeg"))]
     (PictureFormat::Jpeg, texture::JPEG),
+    #[cfg(feature = "webp")]
+    (PictureFormat::WebP, webp::FORMAT),
+    #[cfg(not(feature = "webp"))]
     (PictureFormat::WebP, texture::WEBP),
     (PictureFormat::Hdr, texture::HDR),
     (PictureFormat::Pnm, pnm::FORMAT),
@@ -115,6 +125,8 @@ pub struct Capabilities {
     pub texts: bool,
     /// Whether the effort of compression can be chosen.
     pub compression: bool,
+    /// Whether values are rounded by a quality that can be chosen.
+    pub lossy: bool,
     /// Whether ids of objects and materials can be whole numbers.
     pub whole_ids: bool,
 }
@@ -127,10 +139,22 @@ pub struct EncodeSettings {
     pub bits: Option<u8>,
     /// The effort of compression. [`Compression::Fast`] writes an EXR without compression.
     pub compression: Compression,
+    /// The quality of a lossy format, from 1 to 100; `None` for [`EncodeSettings::DEFAULT_QUALITY`].
+    pub quality: Option<u8>,
     /// Whether ids of objects and materials are whole numbers.
     pub whole_ids: bool,
     /// The position in a larger picture; `None` if the picture is the whole.
     pub window: Option<Window>,
+}
+
+impl EncodeSettings {
+    /// The quality of lossy formats that are said nothing of. Its errors are hardly seen.
+    pub const DEFAULT_QUALITY: u8 = 92;
+
+    /// The quality of a lossy format, from 1 to 100.
+    pub(super) fn quality(&self) -> u8 {
+        self.quality.unwrap_or(EncodeSettings::DEFAULT_QUALITY).clamp(1, 100)
+    }
 }
 
 /// The effort of compression. The pixels don't depend on it.

@@ -9,7 +9,10 @@ mod exr;
 mod exr_part;
 mod flip;
 mod format;
+#[cfg(feature = "jpeg")]
+mod jpeg;
 mod label;
+mod levels;
 mod pixel_hash;
 #[cfg(feature = "png")]
 mod png;
@@ -19,7 +22,11 @@ mod samples;
 mod ssim;
 mod temporary;
 mod texture;
+#[cfg(feature = "webp")]
+mod webp;
 mod write;
+#[cfg(any(feature = "jpeg", feature = "webp"))]
+mod xmp;
 
 #[cfg(feature = "png")]
 pub(crate) use self::png::png_texts;

@@ -1,30 +1,26 @@
-//! Formats that are read for textures and never written: JPEG, WebP and Radiance HDR, and formats without their codec.
+//! Formats that are read for textures and never written: Radiance HDR, and formats without their codec.
 
 use super::format::FormatInfo;
 use super::{Channel, Decoded, Image, PictureError, Window};
-use crate::codec::{self, CodecOff};
+use crate::codec::CodecOff;
 use crate::image::{hdr, unpack};
 use canaletto::scene::Transfer;
 use canaletto::texture::{self, Samples, from_half};
 
-/// JPEG in the table of picture formats.
-pub(super) const JPEG: FormatInfo =
-    read_only(["JPEG"; 2], "jpg", codec::is_jpeg, off(cfg!(feature = "jpeg"), codec::JPEG));
-/// WebP in the table of picture formats.
-pub(super) const WEBP: FormatInfo =
-    read_only(["WebP"; 2], "webp", codec::is_webp, off(cfg!(feature = "webp"), codec::WEBP));
+/// JPEG without its codec.
+#[cfg(not(feature = "jpeg"))]
+pub(super) const JPEG: FormatInfo = read_only(["JPEG"; 2], "jpg", crate::codec::is_jpeg, Some(crate::codec::JPEG));
+/// WebP without its codec.
+#[cfg(not(feature = "webp"))]
+pub(super) const WEBP: FormatInfo = read_only(["WebP"; 2], "webp", crate::codec::is_webp, Some(crate::codec::WEBP));
 /// Radiance HDR in the table of picture formats.
 pub(super) const HDR: FormatInfo = read_only(["Radiance HDR", "HDR"], "hdr", hdr::is_hdr, None);
 /// PNG without its codec.
 #[cfg(not(feature = "png"))]
-pub(super) const PNG: FormatInfo = read_only(["PNG"; 2], "png", codec::is_png, Some(codec::PNG));
+pub(super) const PNG: FormatInfo = read_only(["PNG"; 2], "png", crate::codec::is_png, Some(crate::codec::PNG));
 /// OpenEXR without its codec.
 #[cfg(not(feature = "exr"))]
-pub(super) const EXR: FormatInfo = read_only(["OpenEXR", "EXR"], "exr", codec::is_exr, Some(codec::EXR));
-
-const fn off(is_on: bool, codec: CodecOff) -> Option<CodecOff> {
-    if is_on { None } else { Some(codec) }
-}
+pub(super) const EXR: FormatInfo = read_only(["OpenEXR", "EXR"], "exr", crate::codec::is_exr, Some(crate::codec::EXR));
 
 const fn read_only(
     names: [&'static str; 2],
@@ -35,7 +31,7 @@ const fn read_only(
     FormatInfo { names, extension, recognises, decode, size: None, encoder: None, off }
 }
 
-fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
+pub(super) fn decode(bytes: &[u8]) -> Result<Decoded, PictureError> {
     Ok(picture(&unpack(bytes)?.0))
 }
 

@@ -171,7 +171,7 @@ impl<'a> ExplainWorker<'a> {
         let job = self.session.job();
         let [width, height] = job.camera.size();
         let weight: f64 = colors.iter().map(|(_, weight)| weight).sum();
-        let alpha = job.film.alpha.then(|| saturate((recorder.alpha() / weight) as f32));
+        let alpha = job.divides_by_alpha().then(|| saturate((recorder.alpha() / weight) as f32));
         let samples = recorder.into_samples();
         let color = summing.color(colors.iter().copied());
         PixelTree {

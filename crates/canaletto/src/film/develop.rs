@@ -63,6 +63,30 @@ impl Developer {
         color.map(|v| (v * self.exposure).max(0.0).min(f32::MAX))
     }
 
+    /// Pixel number `i` of a picture with an alpha as display values in [0, 1]: its colour, not multiplied by alpha, and
+    /// its alpha. A page multiplies what lies under the picture by 1 − alpha after the transfer curve. So a shadow has
+    /// the alpha that makes this the curve of the light that it leaves.
+    pub fn with_alpha(&self, picture: &Picture, i: usize) -> (Rgb, f32) {
+        let mut color = [picture.straight(i).to_array()];
+        self.develop(&mut color);
+        let (color, alpha) = (Rgb::from(color[0]), picture.alpha[i]);
+        let Some(shadow) = picture.shadow.get(i).filter(|shadow| **shadow > 0.0) else { return (color, alpha) };
+        let mut left = [1.0 - shadow];
+        display_all(&mut left, self.transfer);
+        let opacity = alpha + (1.0 - alpha) * (1.0 - left[0]);
+        (if opacity > 0.0 { color * (alpha / opacity) } else { Rgb::BLACK }, opacity)
+    }
+
+    /// Pixel number `i` of a picture with an alpha over a linear colour as a screen shows it, in [0, 1]: exposed, with its
+    /// tone, and without the transfer curve.
+    pub fn over(&self, picture: &Picture, i: usize, under: Rgb) -> Rgb {
+        let mut color = [picture.straight(i).to_array()];
+        self.tone(&mut color);
+        display_all(color.as_flattened_mut(), Transfer::None);
+        let alpha = picture.alpha[i].clamp(0.0, 1.0);
+        Rgb::from(color[0]) * alpha + under * (1.0 - picture.opacity(i)).clamp(0.0, 1.0)
+    }
+
     /// Colours as display values in [0, 1].
     pub fn developed(&self, colors: &[Rgb]) -> Vec<Rgb> {
         let mut shown = colors.to_vec();
@@ -83,8 +107,16 @@ pub fn develop(picture: &Picture, developing: &Developing) -> Vec<Rgb> {
     if picture.alpha.is_empty() {
         return developer.developed(&picture.pixels);
     }
-    let straight: Vec<Rgb> = (0..picture.pixels.len()).map(|i| picture.straight(i)).collect();
-    developer.developed(&straight)
+    (0..picture.pixels.len()).into_par_iter().map(|i| developer.with_alpha(picture, i).0).collect()
+}
+
+/// The picture's alpha for display values, the top row first; empty if it has none ([`Developer::with_alpha`]).
+pub fn develop_alpha(picture: &Picture, developing: &Developing) -> Vec<f32> {
+    if picture.shadow.is_empty() {
+        return picture.alpha.clone();
+    }
+    let developer = Developer::new(picture, developing);
+    (0..picture.alpha.len()).into_par_iter().map(|i| developer.with_alpha(picture, i).1).collect()
 }
 
 /// Clamps values to [0, 1] and encodes them as display values.

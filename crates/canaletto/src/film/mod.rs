@@ -8,12 +8,13 @@ mod half_buffers;
 mod picture;
 mod sample_blocks;
 mod sample_statistics;
+mod shadow;
 mod srgb;
 mod tile_buffer;
 mod tone;
 
 pub(crate) use develop::display_all;
-pub use develop::{Developer, develop, srgb_encode};
+pub use develop::{Developer, develop, develop_alpha, srgb_encode};
 pub use exposure::metered_exposure;
 pub(crate) use filter::value as filter_value;
 pub use filter::{Division, FilterTable, Part};

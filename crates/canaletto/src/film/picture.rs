@@ -29,6 +29,9 @@ pub struct Picture {
     /// How much of what lies under the picture each pixel hides, 0 to 1, if the background is left out
     /// ([`FilmSettings::alpha`](crate::scene::FilmSettings::alpha)); else empty. Colours are multiplied by it.
     pub alpha: Vec<f32>,
+    /// How much darker the shadows on [catchers](crate::material::Material::shadow_catcher) make what lies under each
+    /// pixel, where nothing hides it, 0 to 1; empty if there are none, or before [`Picture::separate_shadow`].
+    pub shadow: Vec<f32>,
 }
 
 /// One additional quantity of every pixel.
@@ -58,7 +61,7 @@ impl Picture {
     pub fn new(width: u32, height: u32) -> Picture {
         // Zeros are black.
         let pixels = memory::zeros(width as usize * height as usize);
-        Picture { width, height, pixels, layers: Vec::new(), alpha: Vec::new() }
+        Picture { width, height, pixels, layers: Vec::new(), alpha: Vec::new(), shadow: Vec::new() }
     }
 
     /// The colour of a pixel. x and y count from the top left.
@@ -72,6 +75,13 @@ impl Picture {
             None => self.pixels[i],
             Some(alpha) => unpremultiplied(self.pixels[i], *alpha),
         }
+    }
+
+    /// How much of the light under pixel number `i` is lost by what hides it and by shadows, 0 to 1; 1 without alpha.
+    /// A linear file has it as its alpha.
+    pub fn opacity(&self, i: usize) -> f32 {
+        let Some(alpha) = self.alpha.get(i) else { return 1.0 };
+        self.shadow.get(i).map_or(*alpha, |shadow| alpha + (1.0 - alpha) * shadow)
     }
 
     /// The layer of this name.

@@ -117,8 +117,8 @@ pub(crate) trait PreparedRayIntegrator: Send + Sync {
     /// Makes the integrator of one thread for a job's picture, with or without the background.
     fn picture_worker<'a>(&'a self, world: &'a World, job: &Job, cancelled: Cancelled<'a>) -> Self::Worker<'a> {
         let mut worker = self.worker(world, cancelled);
-        if job.film.alpha {
-            worker.hide_background();
+        if let Some(radiance) = job.backdrop(world) {
+            worker.replace_background(radiance);
         }
         worker
     }
@@ -132,8 +132,8 @@ pub(crate) trait RayIntegrator<'w> {
     /// The world that it traces.
     fn world(&self) -> &'w World;
 
-    /// Leaves out the background that camera rays see straight on: it is black there.
-    fn hide_background(&mut self);
+    /// Replaces the surroundings that camera rays see straight on.
+    fn replace_background(&mut self, radiance: Rgb);
 
     /// The share of the light behind all bodies that a camera ray of the current sample hides, 0 to 1. What the ray
     /// passes without being bent lets light through: holes, partial coverage, media, thin walls, and bodies of the η

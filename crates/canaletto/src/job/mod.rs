@@ -13,7 +13,9 @@ pub(crate) use tiles::in_squares;
 
 use crate::OutOfRange;
 use crate::camera::Camera;
+use crate::math::Rgb;
 use crate::scene::{FilmSettings, Integrator, WhittedSettings};
+use crate::world::World;
 use canaletto_bvh::NoThreads;
 
 /// Everything that a picture depends on besides the world.
@@ -165,6 +167,12 @@ impl Job {
     /// The number of samples of each pixel; for adaptive sampling, of a refined one.
     pub(crate) fn sample_count(&self) -> u32 {
         self.film.sampling.count()
+    }
+
+    /// What camera rays see straight on in place of the surroundings, in a picture with an alpha: nothing, or what the
+    /// shadows on catchers are measured by.
+    pub(crate) fn backdrop(&self, world: &World) -> Option<Rgb> {
+        self.film.alpha.then(|| world.shadow_background().unwrap_or(Rgb::BLACK))
     }
 
     /// Whether it is asked how much of the background each pixel hides.

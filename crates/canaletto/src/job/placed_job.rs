@@ -28,6 +28,12 @@ impl<'w> PlacedJob<'w> {
         self.world
     }
 
+    /// Whether a pixel's colour is divided by its alpha when it is shown. Shadows on catchers are separated from whole
+    /// pictures only, so that single pixels keep their background.
+    pub(crate) fn divides_by_alpha(&self) -> bool {
+        self.film.alpha && self.world.shadow_background().is_none()
+    }
+
     /// This job with another setting. Its camera stays relative to the world's origin.
     pub(crate) fn with(&self, change: impl FnOnce(&mut Job)) -> PlacedJob<'w> {
         let mut job = Job::clone(&self.job);

@@ -81,6 +81,10 @@ pub struct Material {
     /// Whether the inner side emits [`Phong::emission`], too.
     #[serde(default)]
     pub two_sided: bool,
+    /// Whether surfaces stand for the scene's background. A picture with an alpha leaves them out, but for how much
+    /// darker than the background they are ([`Picture::shadow`](crate::film::Picture::shadow)).
+    #[serde(default)]
+    pub shadow_catcher: bool,
     /// What fills a closed clear body of the material.
     #[serde(default)]
     pub medium: Medium,
@@ -103,6 +107,7 @@ impl Default for Material {
             alpha_cutoff: None,
             priority: 0.0,
             two_sided: false,
+            shadow_catcher: false,
             medium: Medium::VACUUM,
             textures: Vec::new(),
         }
@@ -141,6 +146,11 @@ impl Material {
     /// Returns the material with both sides emitting its emission, or only the outer one.
     pub fn with_two_sided(self, two_sided: bool) -> Material {
         Material { two_sided, ..self }
+    }
+
+    /// Returns the material whose surfaces stand for the background ([`Material::shadow_catcher`]).
+    pub fn catching_shadows(self) -> Material {
+        Material { shadow_catcher: true, ..self }
     }
 
     /// Returns the material with this medium in its closed bodies.

@@ -417,6 +417,8 @@ impl<'w> Session<'w> {
         let mut rendering = Rendering { picture, counts, pixels_done, complete: is_complete, samples, statistics };
         if self.job.aovs.iter().any(|aov| aov.is_of_denoising()) {
             features::add_layers(&self.job, &mut rendering, observer);
+        } else if let Some(background) = self.job.world().shadow_background() {
+            rendering.picture.separate_shadow(background, is_complete);
         }
         rendering
     }

@@ -2,7 +2,7 @@
 
 use crate::complete::PICTURE_TRANSFER;
 use crate::model::is_model;
-use crate::settings::{ALPHA, MODEL, PROGRESSIVE};
+use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE};
 use crate::told_developing::exposure_text;
 use canaletto::Named;
 use canaletto::integrator::describe;
@@ -39,7 +39,7 @@ impl Recipe {
             flags.0.push("--progressive".into());
         }
         flags.with("--seed", text("seed").filter(|seed| *seed != "0"));
-        flags.with("--background", text(ALPHA).map(|_| "none"));
+        flags.with("--background", text(BACKGROUND).or(text(ALPHA).map(|_| "none")));
         flags.with("--exposure", exposure_text(&decoded.metadata));
         flags.with("--tone", text("tone"));
         flags.with("--transfer", text(PICTURE_TRANSFER).or(text("transfer")));

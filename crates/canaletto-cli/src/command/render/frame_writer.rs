@@ -10,6 +10,7 @@ use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
+use canaletto::scene::Developing;
 use canaletto::world::World;
 use canaletto_io::movie::{Movie, MovieSettings};
 use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered};
@@ -28,6 +29,8 @@ pub(crate) struct FramePicture<'a> {
     pub world: &'a World,
     pub job: &'a Job,
     pub rendering: &'a Rendering,
+    /// How the picture is developed.
+    pub developing: Developing,
     /// The text entries that all files of the series share.
     pub texts: &'a [(String, String)],
 }
@@ -46,7 +49,7 @@ impl<'a> FrameWriter<'a> {
             return Ok(None);
         }
         if plan.output.format.film().is_some() {
-            let image = layers::developed(&frame.rendering.picture, &frame.job.developing());
+            let image = layers::developed(&frame.rendering.picture, &frame.developing);
             self.add_to_film(&image, frame.job, frame.texts.to_vec())?;
         } else {
             let mut written = Vec::new();
@@ -70,7 +73,8 @@ impl<'a> FrameWriter<'a> {
         let [_, _, width, height] = job.window();
         let picture = enlarged(&frame.rendering.picture, [width, height]);
         let block = preview.block;
-        let file = PreviewFile { output, job, texts: frame.texts, window: window(job) };
+        let finish = self.plan.finish(output, frame.world);
+        let file = PreviewFile { output, job, texts: frame.texts, window: window(job), finish };
         file.write_as(&picture, format!("a preview with one ray for {block} x {block} pixels"))?;
         Ok(output.path(job.frame).display().to_string())
     }
@@ -138,7 +142,7 @@ impl<'a> FrameWriter<'a> {
         file: &Path,
         settings: &EncodeSettings,
     ) -> Result<String, Failure> {
-        let rendered = Rendered { picture: &frame.rendering.picture, developing: frame.job.developing() };
+        let rendered = Rendered { picture: &frame.rendering.picture, developing: frame.developing };
         let texts = frame.texts(None);
         let place = self.plan.output.write_part_with(file, |out| {
             format.write_rows(&rendered, settings, &texts, out, &interrupt::has_time_to_save)
@@ -161,7 +165,7 @@ impl<'a> FrameWriter<'a> {
         mut write: impl FnMut(usize, &[u8]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let (rendering, job, output) = (frame.rendering, frame.job, self.plan.output.format);
-        let (picture, developing) = (&rendering.picture, job.developing());
+        let (picture, developing) = (&rendering.picture, frame.developing);
         let Some(format) = output.picture() else { return Ok(()) };
         let goes_on = || if rendering.complete { !interrupt::stops() } else { interrupt::has_time_to_save() };
         let settings = self.settings(frame);
@@ -174,7 +178,7 @@ impl<'a> FrameWriter<'a> {
             if !goes_on() {
                 break;
             }
-            let (image, transfer) = layers::to_image(layer, picture, &developing, &frame.world.bounds());
+            let (image, transfer) = layers::to_image(layer, picture, &job.developing(), &frame.world.bounds());
             let mut texts = frame.texts(Some(*aov));
             texts.push(("transfer".into(), transfer.name().into()));
             let bytes = format.encode_image(&image, transfer, &settings, &texts).map_err(|e| unfit(&e))?;

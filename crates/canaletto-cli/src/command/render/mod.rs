@@ -5,6 +5,7 @@ mod frame_writer;
 mod plan;
 mod series;
 
+use crate::backdrop::BackgroundFlag;
 use crate::command_files::CommandFiles;
 use crate::denoiser::{DenoiseFlag, Denoiser, denoise_flag};
 use crate::exit::Exit;
@@ -239,6 +240,7 @@ impl Task {
         let parts = self.plan.all_files().filter(|_| !self.plan.output.is_stdout());
         self.solution_files()
             .reads("--solution", &self.flags.solution.solution)
+            .reads("--background", self.flags.picture.background.as_ref().and_then(BackgroundFlag::file))
             .writes("--output", pictures)
             .writes("--output", parts.flat_map(|file| [partial(&file), partial(&with_samples(&file))]))
             .writes("--preview", preview)

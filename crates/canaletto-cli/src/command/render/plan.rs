@@ -1,6 +1,7 @@
 //! The work of `render`, derived from its flags before anything is rendered.
 
 use super::{Layers, RenderFlags, stem};
+use crate::backdrop::{Backdrop, BackdropFlag, BackgroundFlag, Finish};
 use crate::exit::Exit;
 use crate::failure::Failure;
 use crate::frames::{Frames, FramesFlag};
@@ -10,6 +11,7 @@ use crate::source::Reader;
 use canaletto::Named;
 use canaletto::integrator::layers_of;
 use canaletto::render::Aov;
+use canaletto::world::World;
 use canaletto_io::movie::Rate;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +26,8 @@ pub(crate) struct Plan {
     pub style: Style,
     /// Where pictures in the making are written.
     pub preview: Option<Output>,
+    /// What pictures are laid over.
+    pub backdrop: Option<Backdrop>,
 }
 
 impl Plan {
@@ -75,7 +79,15 @@ impl Plan {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
-        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, preview })
+        let backdrop = flags.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
+        let backdrop = backdrop.map(BackdropFlag::load).transpose()?;
+        Ok(Plan { output, frames, numbered: flags.frames.is_some(), rate, aovs, style, preview, backdrop })
+    }
+
+    /// What becomes of a picture of a world before it is written to an output.
+    pub(super) fn finish<'a>(&'a self, output: &Output, world: &'a World) -> Finish<'a> {
+        let is_linear = output.format.capabilities().is_some_and(|can| can.linear);
+        Finish { world, backdrop: self.backdrop.as_ref(), is_linear }
     }
 
     /// The files of a frame, the picture first.
@@ -97,8 +109,14 @@ impl Plan {
 /// The output of pictures in the making: that of the picture, which finer ones replace, or a file of its own.
 fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Frames) -> Result<Output, Failure> {
     if let Some(own) = own {
-        let flags =
-            OutputFlags { output: Some(own.to_owned()), format: None, bits: None, compression: None, ..flags.clone() };
+        let flags = OutputFlags {
+            output: Some(own.to_owned()),
+            format: None,
+            bits: None,
+            compression: None,
+            jpeg_quality: None,
+            ..flags.clone()
+        };
         let preview = Output::new(&OutputFlags { uint_ids: false, ..flags }, "", false, false)?;
         if preview.format.film().is_some() || preview.is_stdout() {
             return Err(Failure::usage(format!("--preview={}: it takes a picture's file", own.display()))

@@ -2,6 +2,7 @@
 
 use super::frame_writer::{FramePicture, FrameWriter};
 use super::{Plan, RenderFlags};
+use crate::backdrop::BackgroundFlag;
 use crate::complete::{is_complete, texts};
 use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::digest::Digest;
@@ -19,7 +20,7 @@ use crate::passes::{
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, SampleReport, Times};
-use crate::settings::{Settings, metadata, sampling_words};
+use crate::settings::{BACKGROUND, Settings, metadata, sampling_words};
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
@@ -27,7 +28,7 @@ use crate::told_developing::METERED_EXPOSURE;
 use canaletto::film::{SampleBlocks, metered_exposure};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, render_from};
-use canaletto::scene::{Sampling, Scene};
+use canaletto::scene::{Developing, Sampling, Scene};
 use canaletto::world::{ReuseCounts, World};
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
@@ -216,6 +217,9 @@ impl<'a> Series<'a> {
         settings.job = self.flags.passes.apply(settings.job, self.flags.picture.samples)?;
         let mut texts = metadata(&self.flags.source, &settings);
         texts.extend(self.flags.passes.texts());
+        if let Some(backdrop) = self.flags.picture.background.as_ref().and_then(BackgroundFlag::backdrop) {
+            texts.push((BACKGROUND.into(), backdrop.word.clone()));
+        }
         let job = Job { aovs: self.plan.aovs.clone(), tile: self.flags.tile, ..settings.job };
         if let Some(denoiser) = self.flags.denoiser() {
             texts.push(("denoiser".into(), denoiser.name().into()));
@@ -334,10 +338,14 @@ impl<'a> Series<'a> {
             None => None,
         };
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
-        let rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
+        let mut rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
+        rendered_job.film.alpha |= plan.backdrop.is_some();
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
-        let preview = preview.map(|output| PreviewFile { output, job: &job, texts, window: window(&job) });
+        let preview = preview.map(|output| {
+            let finish = plan.finish(output, world);
+            PreviewFile { output, job: &job, texts, window: window(&job), finish }
+        });
         let outlook = OutlookTime::new(world, &job, start.as_ref());
         let flags = &self.flags;
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook);
@@ -347,13 +355,14 @@ impl<'a> Series<'a> {
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
         rendering.complete &= !interrupt::stops();
         if let Some(denoiser) = self.flags.denoiser() {
-            self.denoise(denoiser, &mut rendering, &job)?;
+            self.denoise(denoiser, &mut rendering, (world, &job))?;
         }
+        self.tell_of_samples(&rendering, &job);
+        let developing = plan.finish(&plan.output, world).apply(&mut rendering.picture, &job, rendering.complete);
         let solution = first_solution.or(solution);
         self.tell_of_solves(solution);
         self.tell_of(&shortfalls(&self.reader.name, &rendering.counts.warnings));
         let start = Instant::now();
-        self.tell_of_samples(&rendering, &job);
         let noise_left = noise_left(&rendering, outlook, render);
         if let (Some((lines, _)), false) = (&noise_left, self.flags.quiet || plan.style == Style::Json) {
             lines.iter().for_each(|line| eprint_line(&format!("note: {}: {line}", self.reader.name)));
@@ -369,14 +378,20 @@ impl<'a> Series<'a> {
         let mut written = None;
         if rendering.complete {
             let texts = texts_with_samples(&mut rendering);
-            written = self.writer.write(&FramePicture { world, job: &job, rendering: &rendering, texts: &texts })?;
+            written = self.writer.write(&FramePicture {
+                world,
+                job: &job,
+                rendering: &rendering,
+                developing,
+                texts: &texts,
+            })?;
             rendering.complete = written.is_some();
         }
         let (files, samples_file) = if let Some(files) = written {
             (files, None)
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
             let texts = texts_with_samples(&mut rendering);
-            self.write_part(&frame_context.scene_digest, texts, &mut rendering, (world, &job))?
+            self.write_part(&frame_context.scene_digest, texts, &mut rendering, (world, &job), developing)?
         } else {
             (Vec::new(), None) // A black picture is worthless, and a film has whole frames.
         };
@@ -414,6 +429,7 @@ impl<'a> Series<'a> {
         texts: Vec<(String, String)>,
         rendering: &mut Rendering,
         (world, job): (&World, &Job),
+        developing: Developing,
     ) -> Result<(Vec<String>, Option<String>), Failure> {
         let plan = self.plan;
         let has_place = plan.output.has_place_beside(&plan.files(job.frame)[0]);
@@ -425,7 +441,7 @@ impl<'a> Series<'a> {
             texts.push(scene_digest.clone());
             let own = rendering.picture.layers.len();
             add_samples(rendering, &mut texts, self.flags.denoiser().is_some());
-            let written = self.writer.write_samples(&FramePicture { world, job, rendering, texts: &texts });
+            let written = self.writer.write_samples(&FramePicture { world, job, rendering, developing, texts: &texts });
             rendering.picture.layers.truncate(own);
             written
         });
@@ -434,7 +450,7 @@ impl<'a> Series<'a> {
             interrupt::samples_are_saved();
         }
         // Where the disk has no room for the samples, it may have some for the picture.
-        let mut files = self.writer.write_part(&FramePicture { world, job, rendering, texts: &texts })?;
+        let mut files = self.writer.write_part(&FramePicture { world, job, rendering, developing, texts: &texts })?;
         is_late |= !interrupt::has_time_to_save();
         if is_late && plan.style != Style::Json && !self.flags.quiet {
             eprint_line("saving the part took too long: its lower rows, layers or samples may be missing");
@@ -446,7 +462,12 @@ impl<'a> Series<'a> {
 
     /// Denoises a complete picture, and removes the layers that only denoising needs. A picture that a signal stops
     /// stays noisy and isn't complete.
-    fn denoise(&self, denoiser: Denoiser, rendering: &mut Rendering, job: &Job) -> Result<(), Failure> {
+    fn denoise(
+        &self,
+        denoiser: Denoiser,
+        rendering: &mut Rendering,
+        (world, job): (&World, &Job),
+    ) -> Result<(), Failure> {
         let start = Instant::now();
         let noisy = denoiser::of_rendering(&mut rendering.picture, &job.aovs);
         if !rendering.complete {
@@ -472,7 +493,9 @@ impl<'a> Series<'a> {
             eprint_line(&denoiser::told(&denoised, seconds));
         }
         rendering.picture.pixels = denoised.color;
-        blacken_uncovered(&mut rendering.picture.pixels, &rendering.picture.alpha);
+        if world.shadow_background().is_none() {
+            blacken_uncovered(&mut rendering.picture.pixels, &rendering.picture.alpha);
+        }
         Ok(())
     }
 
@@ -498,7 +521,7 @@ impl<'a> Series<'a> {
                 break;
             }
             let texts = &frame_context.texts;
-            let picture = FramePicture { world, job, rendering: &rendering, texts };
+            let picture = FramePicture { world, job, rendering: &rendering, developing: job.developing(), texts };
             let file = match self.writer.write_preview(&picture, preview) {
                 Ok(file) => file,
                 Err(failure) => {

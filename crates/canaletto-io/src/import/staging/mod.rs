@@ -53,6 +53,12 @@ pub(crate) fn default_camera(scene: &Scene) -> Option<View> {
 /// The radiance of the background and of the floor, which is 0.78 on screen.
 const BACKGROUND: f64 = 0.6;
 
+/// The exposed radiance of a white floor under a sky, which is 0.87 on screen.
+const SKY_WHITE: f32 = 0.75;
+
+/// The reflectance of the floor under a sky.
+const SKY_FLOOR: f64 = 0.4;
+
 /// The scene of a model. A model with a camera keeps it, and a model with lights or an environment gets neither light
 /// nor ground. The staging may say otherwise. `up` is the format's axis.
 ///
@@ -209,28 +215,36 @@ fn light(scene: &mut Scene, [low, high]: [DVec3; 2], staging: &Staging) {
     if let (EnvironmentKind::LatLong { image: index, .. }, Some(image)) = (&mut environment.kind, image) {
         *index = add(&mut scene.images, image);
     }
-    scene.background = staging.background.unwrap_or(gray(BACKGROUND));
     let is_sky = which == StageLight::Sky;
+    // The background of a sky isn't seen. It is what shadows are measured by in pictures with an alpha.
+    let bare = if is_sky { Rgb::from(floor.map(|v| (v * SKY_FLOOR) as f32)) } else { gray(BACKGROUND) };
+    scene.background = staging.background.unwrap_or(bare);
     environment.visible = is_sky && staging.background.is_none();
     scene.environment = Some(environment);
-    scene.film.exposure = if is_sky { None } else { Some(Exposure::Stops(0.0)) };
+    let white = Rgb::from(floor.map(|v| v as f32)).luminance();
+    scene.film.exposure = Some(Exposure::Stops(if is_sky { libm::log2f(SKY_WHITE / white) } else { 0.0 }));
     let color = match staging.ground {
         Ground::None => return,
         Ground::Color(color) => color,
-        Ground::Shadow if is_sky => Rgb::gray(0.4),
+        Ground::Shadow if is_sky => gray(SKY_FLOOR),
         // The lit floor has the background's radiance, so that no horizon is seen.
-        Ground::Shadow => scene.background.map(|radiance| (f64::from(radiance) / floor).min(1.0) as f32),
+        Ground::Shadow => {
+            let radiance = scene.background.to_array();
+            Rgb::from([0, 1, 2].map(|c| (f64::from(radiance[c]) / floor[c]).min(1.0) as f32))
+        }
     };
     let middle = (low + high) / 2.0;
     let place = Transform::translate(DVec3::new(middle.x, low.y, middle.z));
-    add_ground(scene, color, Vec3::ZERO, &place);
+    let material = add_ground(scene, color, Vec3::ZERO, &place);
+    scene.materials[material as usize].shadow_catcher = staging.ground == Ground::Shadow;
 }
 
-/// Adds a floor of a colour through a point, which is placed.
-fn add_ground(scene: &mut Scene, kd: Rgb, point: Vec3, place: &Transform) {
+/// Adds a floor of a colour through a point, which is placed. Returns the index of its material.
+fn add_ground(scene: &mut Scene, kd: Rgb, point: Vec3, place: &Transform) -> u32 {
     let material = add(&mut scene.materials, Material::new("ground", Phong { kd, ..Phong::default() }));
     let plane = Node::from(Shape::Plane(Plane { point, normal: Vec3::Y }));
     scene.nodes.push(plane.with_transform(place).named("ground").with_material(material));
+    material
 }
 
 fn has_light(model: &Fragment) -> bool {

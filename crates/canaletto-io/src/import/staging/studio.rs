@@ -2,7 +2,7 @@
 
 use super::direction_at;
 use super::settings::StageLight;
-use canaletto::light::environment::{Environment, EnvironmentKind, Sky, Smoothing};
+use canaletto::light::environment::{Environment, EnvironmentKind, PreparedEnvironment, Sky, Smoothing};
 use canaletto::math::{Rgb, Transform};
 use canaletto::texture::{ColorSpace, Image, Samples};
 use glam::DVec3;
@@ -12,8 +12,8 @@ use std::f64::consts::{PI, TAU};
 pub(super) struct StageEnvironment {
     pub(super) environment: Environment,
     pub(super) image: Option<Image>,
-    /// The radiance of a white matte floor, divided by its reflectance.
-    pub(super) floor: f64,
+    /// The radiance of a white matte floor.
+    pub(super) floor: [f64; 3],
 }
 
 /// The mean radiance of a white matte ball as the camera sees it: 0.7 is 0.84 on screen after the tone curve.
@@ -63,7 +63,11 @@ pub(super) fn stage_environment(light: StageLight, towards: DVec3, below: f64) -
         StageLight::Sky => {
             let sky = Sky { sun: beside(towards, DVec3::new(-0.6, 0.75, 0.45)).as_vec3(), ..Sky::default() };
             let environment = Environment::new(EnvironmentKind::Sky(sky));
-            StageEnvironment { environment, image: None, floor: 1.0 }
+            // The ground below the horizon is lit like a floor.
+            let below = PreparedEnvironment::new(&environment, &mut [], |_| false)
+                .map_or(sky.ground, |prepared| prepared.lookup(DVec3::NEG_Y, [DVec3::ZERO; 2]).radiance);
+            let floor = [0, 1, 2].map(|c| f64::from(below.to_array()[c]) / f64::from(sky.ground.to_array()[c]));
+            StageEnvironment { environment, image: None, floor }
         }
     }
 }
@@ -120,7 +124,7 @@ fn lat_long(above: impl Fn(DVec3) -> f64, towards: DVec3, below: f64) -> StageEn
     let turn = libm::atan2(towards.x, towards.z).to_degrees();
     let rotation = Transform::rotate(DVec3::Y, turn).unwrap_or(Transform::IDENTITY);
     let environment = Environment { rotation, visible: false, ..Environment::new(kind) };
-    StageEnvironment { environment, image: Some(image), floor: floor * scale }
+    StageEnvironment { environment, image: Some(image), floor: [floor * scale; 3] }
 }
 
 /// The normals of a ball that a camera in front sees, with the share of the ball's picture that each has.

@@ -3,6 +3,7 @@
 mod bands;
 
 use super::format::{Capabilities, Compression, EncodeSettings, Encoder as PictureEncoder, FormatInfo};
+use super::levels::level;
 use super::texture::named;
 use super::{Decoded, Image, PictureError, SOFTWARE, Window, check, no_pixels};
 use crate::codec::is_png;
@@ -11,6 +12,7 @@ use ::png::chunk::IDAT;
 use ::png::{BitDepth, ColorType, Encoder, ScaledFloat, SrgbRenderingIntent};
 use bands::Shape;
 use canaletto::film::{Developer, Picture};
+use canaletto::math::Rgb;
 use canaletto::scene::{Developing, Transfer};
 use std::fmt::Display;
 use std::io::Write;
@@ -32,6 +34,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
             layers: false,
             texts: true,
             compression: true,
+            lossy: false,
             whole_ids: false,
         },
         encode: |rendered, settings, texts, goes_on| {
@@ -147,7 +150,7 @@ fn encode_png(
 
 /// The bytes of a PNG of a picture in linear light, developed while `goes_on` returns true.
 /// The rest of the picture is black. `metadata` becomes texts. With alpha, colours are divided by it before they are
-/// developed, as PNG asks, and alpha is stored as it is.
+/// developed, as PNG asks. Alpha is that of display values ([`Developer::with_alpha`]).
 ///
 /// # Errors
 /// [`PictureError::Unfit`] if there is no pixel, or a key isn't 1 to 79 Latin letters.
@@ -169,10 +172,8 @@ fn develop_png(
                 return values.fill(0.0);
             }
             for (value, pixel) in values.as_chunks_mut().0.iter_mut().zip(range) {
-                let mut color = [picture.straight(pixel).to_array()];
-                developer.develop(&mut color);
-                let [[r, g, b]] = color;
-                *value = [r, g, b, picture.alpha[pixel]];
+                let (Rgb { r, g, b }, alpha) = developer.with_alpha(picture, pixel);
+                *value = [r, g, b, alpha];
             }
         });
     }
@@ -230,20 +231,6 @@ fn encode(
 
 fn unfit(reason: impl Display) -> PictureError {
     PictureError::Unfit(format!("PNG can't hold it: {reason}"))
-}
-
-/// The level from 0 to `most` nearest to `v` × `most`, halves rounded up; 0 for NaN. It consists of sums and selections
-/// only, which vectorise on every machine.
-#[inline]
-fn level(v: f32, most: f32) -> u32 {
-    /// From this value on floats are integers, and their last bits are units.
-    const WHOLE: f32 = (1 << 23) as f32;
-    let v = if v > 0.0 { v } else { 0.0 };
-    let v = if v < 1.0 { v } else { 1.0 } * most;
-    // Rounded to nearest, halves to even, which may round down.
-    let even = v + WHOLE - WHOLE;
-    let nearest = even + if v - even >= 0.5 { 1.0 } else { 0.0 };
-    (nearest + WHOLE).to_bits() & 0xffff
 }
 
 /// Adds texts to a PNG: the program's name and `metadata`.

@@ -78,6 +78,12 @@ const TEMPERATURE: Field<f32> = Field::new(
 );
 const TWO_SIDED: Field<bool> =
     Field::new("two-sided", "#true lets the inner side emit the emission, too").or(|| "#false".into());
+const SHADOW_CATCHER: Field<bool> = Field::new(
+    "shadow-catcher",
+    "#true: surfaces stand for the scene's background, as a lit floor that looks like it does. A picture with an alpha \
+     leaves them out, but for the shadows on them",
+)
+.or(|| "#false".into());
 
 /// The names of metals.
 const METAL_NAMES: [&str; METALS.len()] = {
@@ -169,6 +175,7 @@ pub(crate) static MATERIAL: NodeSchema = NodeSchema::new(
             TWO_SIDED.schema,
             COVERAGE.schema,
             ALPHA_CUTOFF.schema,
+            SHADOW_CATCHER.schema,
             PRIORITY.schema,
             TEXTURE.schema,
         ],
@@ -327,6 +334,7 @@ impl<'a> Decoder<'a> {
         material.alpha_cutoff = fields.get(&ALPHA_CUTOFF).or(material.alpha_cutoff);
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));
+        change(&mut material.shadow_catcher, fields.get(&SHADOW_CATCHER));
         let checked = material.check();
         let textures = self.surface_textures(fields);
         if !textures.is_empty() {
@@ -408,6 +416,7 @@ impl<'a> Decoder<'a> {
         material.alpha_cutoff = fields.get(&ALPHA_CUTOFF).or(material.alpha_cutoff);
         change(&mut material.priority, fields.get(&PRIORITY));
         change(&mut material.two_sided, fields.get(&TWO_SIDED));
+        change(&mut material.shadow_catcher, fields.get(&SHADOW_CATCHER));
         let checked = material.check();
         let textures = self.surface_textures(fields);
         if let Some(used) =

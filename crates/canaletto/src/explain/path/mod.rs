@@ -12,7 +12,7 @@ use super::tree::Side;
 use crate::integrator::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, RayKind, SourceSample};
 use crate::material::Lobe;
 use crate::math::{Rgb, saturate};
-use crate::render::Job;
+use crate::render::PlacedJob;
 pub(super) use record::PathRecorder;
 use serde::Serialize;
 
@@ -224,9 +224,9 @@ pub struct SampledNode {
 
 impl PathTree {
     /// The tree of a pixel's recorded paths.
-    pub(super) fn new(job: &Job, [x, y]: [u32; 2], recorder: PathRecorder, color: Rgb) -> PathTree {
+    pub(super) fn new(job: &PlacedJob<'_>, [x, y]: [u32; 2], recorder: PathRecorder, color: Rgb) -> PathTree {
         let ([width, height], samples) = (job.camera.size(), recorder.into_samples());
-        let alpha = job.film.alpha.then(|| {
+        let alpha = job.divides_by_alpha().then(|| {
             let weights: f64 = samples.iter().map(|sample| sample.weight).sum();
             let alphas = samples.iter().map(|sample| sample.weight * f64::from(sample.alpha.unwrap_or(1.0)));
             saturate((alphas.sum::<f64>() / weights) as f32)

@@ -6,7 +6,7 @@ use crate::explain::{ExplainError, Explainer, TextStyle};
 use crate::light::environment::{Environment, EnvironmentKind, Gradient};
 use crate::light::{Light, LightKind, Omni, SphereLight};
 use crate::material::{Conductor, Dielectric, Material, Medium, Phong, StandardSurface, StandardTransmission};
-use crate::render::{Preparation, Session, render};
+use crate::render::{Job, Preparation, Session, render};
 use crate::scene::{Extrinsics, FilmSettings, Intrinsics, Node, PathSettings, Sampling, Scene};
 use crate::shape::{Cuboid, Disk, Shape, Sphere};
 use crate::world::World;

@@ -25,7 +25,7 @@ impl PathTracer<'_> {
             return Rgb::WHITE;
         }
         let mark = self.media.mark();
-        let seen = self.see(shadow);
+        let seen = self.see(shadow, false);
         self.media.release(mark);
         self.counts.shadow.traced += 1;
         self.counts.shadow.hit += u64::from(seen.is_none());
@@ -38,12 +38,14 @@ impl PathTracer<'_> {
         self.media.clear();
         let Segment { ray, line, inside, .. } = self.start(line, None, self.sample).segment;
         let light = Rgb::BLACK;
-        let seen = self.see(&ShadowRay { source: Source::Environment, ray, t_max: f32::INFINITY, light, line, inside });
+        let shadow = ShadowRay { source: Source::Environment, ray, t_max: f32::INFINITY, light, line, inside };
+        let seen = self.see(&shadow, true);
         seen.map_or(1.0, |Rgb { r, g, b }| 1.0 - (r + g + b) / 3.0)
     }
 
-    /// What is left of the light of a shadow ray's source; none if something hides it.
-    fn see(&mut self, shadow: &ShadowRay) -> Option<Rgb> {
+    /// What is left of the light of a shadow ray's source; none if something hides it. Shadow catchers hide nothing of
+    /// the background if they stand for it.
+    fn see(&mut self, shadow: &ShadowRay, catchers_are_background: bool) -> Option<Rgb> {
         let point = shadow.t_max.is_finite().then(|| shadow.line.origin + shadow.line.direction);
         let is_light = matches!(shadow.source, Source::Light(_));
         let (mut line, mut ray, mut inside) = (shadow.line, shadow.ray, shadow.inside);
@@ -55,6 +57,9 @@ impl PathTracer<'_> {
             let Some(met) = met else {
                 return (point.is_none() || is_light).then_some(passed);
             };
+            if catchers_are_background && self.world.material(&met.hit).shadow_catcher {
+                return Some(passed);
+            }
             let frame = Frame::new(line.direction, &met.surface);
             let distance = line.origin.distance(frame.exact);
             let left = point.map_or(f64::INFINITY, |point| line.origin.distance(point));

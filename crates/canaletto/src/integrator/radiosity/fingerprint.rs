@@ -116,8 +116,17 @@ impl SolutionFingerprint {
             add_colors(&mut of_materials, colors);
         }
         for material in materials {
-            let Material { name: _, model, coverage, alpha_cutoff, priority, two_sided, medium: _, textures } =
-                material;
+            let Material {
+                name: _,
+                model,
+                coverage,
+                alpha_cutoff,
+                priority,
+                two_sided,
+                shadow_catcher: _,
+                medium: _,
+                textures,
+            } = material;
             add_debug(&mut of_materials, &(model, coverage, priority, two_sided, textures));
             if let Some(cutoff) = alpha_cutoff {
                 add_debug(&mut of_materials, cutoff);

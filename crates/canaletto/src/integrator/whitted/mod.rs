@@ -181,6 +181,9 @@ impl<'w> Whitted<'w> {
         let counts = self.counts;
         let (mut ray, mut share) = (self.eye_ray(line, None), 1.0);
         while let Some(visible_hit) = self.intersect(&ray, &mut ()) {
+            if self.world.material(&visible_hit.hit).shadow_catcher {
+                break;
+            }
             let at = SurfaceInteraction::new(&visible_hit, &ray);
             let material = at.material;
             let (coverage, opacity) = (material.coverage, material.classic.opacity);

@@ -143,9 +143,9 @@ impl ZbufferWorker<'_> {
                 probe.raster(&node);
                 probe.ray(RayKind::Eye, &line.rounded(), 1, Rgb::WHITE);
                 let differential = differential(zbuffer, part.place, self.samples.spacing);
-                let color = match zbuffer.job.film.alpha {
-                    true => Rgb::BLACK,
-                    false => background(zbuffer.world, line.direction, differential.as_ref(), probe),
+                let color = match zbuffer.job.backdrop(zbuffer.world) {
+                    Some(backdrop) => backdrop,
+                    None => background(zbuffer.world, line.direction, differential.as_ref(), probe),
                 };
                 probe.miss(color);
                 probe.end(color);
@@ -157,7 +157,7 @@ impl ZbufferWorker<'_> {
             let seen = (line, visible.hit(&line));
             self.lookup.fragments_of(part, &visible, seen, (tile.area, &self.samples), |weight, fragment| {
                 probe.sample(part.place, weight);
-                probe.alpha(1.0);
+                probe.alpha(if self.hides(&visible, part) { 1.0 } else { 0.0 });
                 probe.drawn(None, None);
                 probe.raster(&node);
                 add(whitted.shade_fragment(&fragment, probe), weight);

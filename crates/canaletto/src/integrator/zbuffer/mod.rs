@@ -278,8 +278,11 @@ impl IntegratorWorker for ZbufferWorker<'_> {
         for index in 0..block.size {
             self.samples = DrawnSamples::of(self.zbuffer, block.first + index);
             let mut alphas = vec![0.0; (width * height) as usize];
-            self.each_part(block.area, |_, _, parts, _| {
-                parts.iter().filter(|part| part.number != NOTHING).for_each(|part| alphas[part.pixel] += part.share);
+            self.each_part(block.area, |worker, tile, parts, _| {
+                let hiding = parts.iter().filter(|part| {
+                    worker.lookup.visible(tile, part).is_some_and(|visible| worker.hides(&visible, part))
+                });
+                hiding.for_each(|part| alphas[part.pixel] += part.share);
             })?;
             block.places.iter().enumerate().for_each(|(number, [x, y])| add(number, alphas[(y * width + x) as usize]));
         }
@@ -429,6 +432,12 @@ impl ZbufferWorker<'_> {
         }
     }
 
+    /// Whether a visible triangle hides the background.
+    fn hides(&self, visible: &VisibleTriangle<'_>, part: &PixelPart) -> bool {
+        let Zbuffer { world, camera, .. } = self.zbuffer;
+        !world.material(&visible.hit(&camera.line(part.place[0], part.place[1]))).shadow_catcher
+    }
+
     /// Adds a part of a pixel to the layers.
     fn layers_of(&self, part: &PixelPart, visible: Option<&VisibleTriangle>, aovs: &[Aov], buffer: &mut TileBuffer) {
         let Zbuffer { world, camera, sampler, .. } = self.zbuffer;
@@ -445,7 +454,7 @@ impl ZbufferWorker<'_> {
             let mut values = [0.0; 3];
             let values = &mut values[..aov.channels().len()];
             if *aov == Aov::Alpha {
-                values[0] = if visible.is_some() { part.share } else { 0.0 };
+                values[0] = if visible.is_some_and(|visible| self.hides(visible, part)) { part.share } else { 0.0 };
             } else if !part.is_first || !first_hit.write(*aov, values) {
                 continue;
             }
@@ -531,10 +540,7 @@ fn refine(
 /// The colour at a place of the picture where nothing is.
 fn around(zbuffer: &Zbuffer, place: [f64; 2], spacing: f64) -> Rgb {
     let Zbuffer { world, camera, job, .. } = zbuffer;
-    if job.film.alpha {
-        return Rgb::BLACK;
-    }
-    if let Some(backdrop) = world.backdrop {
+    if let Some(backdrop) = job.backdrop(world).or(world.backdrop) {
         return backdrop;
     }
     if world.environment.is_none() {

@@ -310,6 +310,13 @@ impl World {
         &self.shading.materials[self.material_index(hit) as usize]
     }
 
+    /// The radiance that shadows on catchers are measured by, if there are any: that of the background
+    /// ([`Material::shadow_catcher`](crate::material::Material::shadow_catcher)).
+    pub fn shadow_background(&self) -> Option<Rgb> {
+        let catches = self.shading.materials.iter().any(|material| material.shadow_catcher);
+        catches.then_some(self.background)
+    }
+
     /// The index of the material at a hit, into [`World::materials`].
     #[inline]
     pub fn material_index(&self, hit: &Hit) -> u32 {

@@ -119,8 +119,8 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
         self.world
     }
 
-    fn hide_background(&mut self) {
-        self.backdrop = Some(Rgb::BLACK);
+    fn replace_background(&mut self, radiance: Rgb) {
+        self.backdrop = Some(radiance);
     }
 
     fn alpha(&mut self, line: DRay) -> f32 {
