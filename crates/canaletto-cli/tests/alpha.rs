@@ -100,7 +100,8 @@ fn composites_are_pictures_with_that_background() {
 #[test]
 fn backdrops_keep_their_colors() {
     let folder = Folder::new("s.kdl", SCENE);
-    folder.says("render s.kdl -q -o page.png --size 10x10 --set background='1 0.5 0.25' --set material.bright.coverage=0", 0, &[]);
+    fs::write(folder.path("page.kdl"), "camera { eye 0 0 9; size 10 10 }\nbackground 1 0.5 0.25\n").unwrap();
+    folder.says("render page.kdl -q -o page.png", 0, &[]);
     let seen = rgba(&render(&folder, "--background none", "a.exr"));
     let [r, g, b] = [255.0, 0.0, 51.0].map(|v: f32| srgb_decode(v / 255.0));
     let exr = rgb(&render(&folder, "--background #ff0033", "b.exr"));
@@ -127,7 +128,6 @@ fn backdrops_keep_their_colors() {
     // A picture covers all. This one is nothing but its background.
     render(&folder, "--background page.png", "b.png");
     assert_eq!(corner("b.png"), [[255, 188, 137]; 2]);
-    // Half of each: where nothing is, the recipe's picture has the same bytes.
     folder.says("info b.png", 0, &["--background page.png"]);
 }
 
