@@ -37,6 +37,7 @@ mod points;
 mod preview;
 mod progress;
 mod report;
+mod resample;
 mod sampling_progress;
 mod settings;
 mod solutions;

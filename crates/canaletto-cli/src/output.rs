@@ -514,7 +514,7 @@ mod tests {
         assert_eq!(new("a.gif").unwrap().format.film(), Some(MovieFormat::Gif));
         let film = OutputFlags { format: Some(Format::Movie(MovieFormat::Apng)), ..flags("a.png") };
         assert_eq!(Output::new(&film, "s", true, true).unwrap().path(7), Path::new("a.png"));
-        assert_eq!(new("a.jpg").unwrap_err().exit(), Exit::Usage);
+        assert_eq!(new("a.tiff").unwrap_err().exit(), Exit::Usage);
         assert_eq!(new("a").unwrap_err().exit(), Exit::Usage);
         let none = OutputFlags { output: None, format: Some(EXR), ..flags("a.exr") };
         assert_eq!(Output::new(&none, "s", false, false).unwrap().path(0), Path::new("s.exr"));

@@ -136,7 +136,7 @@ fn backdrops_keep_their_colors() {
 fn wrong_backdrops_are_named() {
     let folder = Folder::new("s.kdl", SCENE);
     folder.says("render s.kdl -o a.png --background nothing", 2, &["a colour such as #ffffff"]);
-    folder.says("render s.kdl -o a.png --background no.jpg", 3, &["--background no.jpg", "No such file"]);
+    folder.says("render s.kdl -o a.png --background no.jpg", 3, &["--background no.jpg", "no such file"]);
     fs::write(folder.path("text.png"), "text").unwrap();
     folder.says("render s.kdl -o a.png --background text.png", 3, &["--background text.png"]);
     folder.says("render s.kdl -q -o a.png", 0, &[]);

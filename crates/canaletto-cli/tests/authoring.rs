@@ -98,6 +98,18 @@ fn scenes_are_rendered_in_one_call() {
     let errors = folder.says(&format!("{call} out/{{name}}.half.png"), 3, &["wrong.kdl:1:1", "missing.kdl"]);
     assert!(!errors.contains("s.kdl:") && !errors.contains("t.kdl:"), "{errors}");
     assert_eq!([size(&folder, "out/s.half.png"), size(&folder, "out/t.half.png")], [(12, 8); 2]);
+    // A sheet has a place for each of them, and the exit code stays.
+    folder.says(&format!("{call} out/{{name}}.half.png --contact-sheet sheet.png"), 3, &["wrong.kdl:1:1"]);
+    let sheet = folder.picture("sheet.png").image;
+    assert!(sheet.width > 3 * 20 && sheet.height > 20, "{} x {}", sheet.width, sheet.height);
+    folder.says("render s.kdl -q -o film.####.exr --frames 1-3 --contact-sheet sheet.jpg", 0, &[]);
+    assert!(folder.picture("sheet.jpg").image.width > 60);
+    folder.says("render s.kdl -o s.png --contact-sheet s.png", 2, &["--contact-sheet", "s.png"]);
+    folder.says(
+        "render s.kdl -o s.gif --frames 1-3 --contact-sheet t.png",
+        2,
+        &["--contact-sheet", "files of their own"],
+    );
     folder.says(&format!("{call} one.png"), 2, &["several scenes", "'pictures/{name}.png'"]);
     folder.says("render s.kdl -q -o {name}.2.png", 0, &[]);
     assert_eq!(size(&folder, "s.2.png"), (24, 16));

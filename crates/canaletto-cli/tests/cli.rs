@@ -69,7 +69,7 @@ fn exit_codes() {
     folder.run("render s.kdl --pattern corner --samples 4").says(2, &["one ray for each pixel", "help:"]);
     folder.run("render s.kdl --camera frnt").says(2, &["no camera \"frnt\"", "did you mean \"front\"?", "\"side\""]);
     folder.run("render s.kdl --crop 20,0,10,4").says(2, &["--crop: the crop window 10 x 4 at 20, 0"]);
-    folder.run("render s.kdl -o s.jpg").says(2, &[".png or .exr"]);
+    folder.run("render s.kdl -o s.tiff").says(2, &[".png, .exr, .jpg or .webp"]);
     folder.run("render s.kdl --aov nromal").says(2, &["did you mean normal?"]);
     folder.run("render s.kdl --set material.red.shine=1").says(2, &["--set", "shine"]);
     folder.write("t.fbx", "solid");

@@ -1,5 +1,6 @@
 //! `canaletto render`: renders scenes to pictures.
 
+mod contact_sheet;
 mod dry_run;
 mod frame_writer;
 mod plan;
@@ -30,6 +31,7 @@ use canaletto::scene::Integrator;
 use canaletto_io::diagnostic::closest_word;
 use canaletto_io::import::PictureQuality;
 use clap::Args;
+use contact_sheet::ContactSheet;
 use dry_run::{dry_run, room};
 use plan::Plan;
 use series::Series;
@@ -71,6 +73,12 @@ pub(crate) struct RenderFlags {
     /// Renders complete frames again
     #[arg(long, help_heading = "Frames")]
     pub force: bool,
+
+    /// Writes a sheet of all finished pictures with their names, small and in rows
+    ///
+    /// Scenes that fail have an empty place on it. With --frames it shows every frame.
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    pub contact_sheet: Option<PathBuf>,
 
     /// Adds layers (AOVs) to the picture, such as normal,depth, or all
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = aov, help_heading = "Output")]
@@ -275,10 +283,19 @@ pub(crate) fn run(flags: &RenderFlags) -> Result<Exit, Failure> {
 fn one(flags: &RenderFlags) -> Result<Exit, Failure> {
     let mut flags = flags.clone();
     flags.output.output = flags.output.output.as_deref().map(|output| own_output(&flags, output, &flags.source.scene));
+    let mut sheet = ContactSheet::new(&flags)?;
     let task = Task::new(flags)?;
-    let files = task.files();
+    let files = task.files().and(ContactSheet::files(&task.flags));
+    files.check()?;
     let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
-    on_pool(task, &files, &mut solutions)
+    if let Some(sheet) = &mut sheet {
+        sheet.expect(&task.plan);
+    }
+    let exit = on_pool(task, &files, &mut solutions)?;
+    if let Some(sheet) = sheet.filter(|_| exit == Exit::Done) {
+        sheet.write()?;
+    }
+    Ok(exit)
 }
 
 /// Stands for the scene's name in --output.
@@ -323,24 +340,33 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
                     --output each picture is called like its scene";
         return Err(Failure::usage(message).help(help));
     }
+    let mut sheet = ContactSheet::new(flags)?;
     let mut exit = Exit::Done;
     let mut fail = |failure: &Failure| {
         failure.print(json);
         exit = if exit == Exit::Done { failure.exit() } else { exit };
     };
     let mut tasks: Vec<Task> = Vec::new();
-    let mut files = CommandFiles::default();
+    let mut files = ContactSheet::files(flags);
     for scene in [&flags.source.scene].into_iter().chain(&flags.more) {
         let mut own = RenderFlags { more: Vec::new(), ..flags.clone() };
         own.source.scene = scene.clone();
         own.output.output = output.map(|output| own_output(flags, output, scene));
         match Task::new(own) {
             Ok(task) => {
+                if let Some(sheet) = &mut sheet {
+                    sheet.expect(&task.plan);
+                }
                 files = files.and(task.files());
                 tasks.push(task);
             }
             Err(failure) if failure.exit() == Exit::Usage => return Err(failure),
-            Err(failure) => fail(&failure),
+            Err(failure) => {
+                fail(&failure);
+                if let Some(sheet) = &mut sheet {
+                    sheet.miss(&stem(scene));
+                }
+            }
         }
     }
     if let Some(file) = files.written_twice() {
@@ -361,6 +387,9 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
             Ok(_) => {}
             Err(failure) => fail(&failure),
         }
+    }
+    if let Some(sheet) = sheet {
+        sheet.write()?;
     }
     Ok(exit)
 }
