@@ -17,6 +17,7 @@ mod ignored;
 mod lines;
 mod monotone;
 mod mtl;
+mod mtl_standard;
 mod nff;
 mod number;
 mod obj;

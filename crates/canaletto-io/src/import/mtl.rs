@@ -1,4 +1,4 @@
-//! MTL, the materials of OBJ files (Wavefront, *Advanced Visualizer* manual, appendix B1), which use the Phong model.
+//! MTL, the materials of OBJ files (Wavefront, *Advanced Visualizer* manual, appendix B1), on Phong's model.
 //!
 //! | MTL | here |
 //! |---|---|
@@ -13,6 +13,7 @@
 //! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` and `Tr`, opacity = 1 − the largest of `Tf` (default 1) |
 //! | other `illum` | `Ks` gives highlights only |
 //! | no `illum` | glass if `Ni` isn't 1, else as 2 |
+//! | `Pr`, `Pm`, `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | the [standard surface](super::mtl_standard) in place of Phong's model |
 //!
 //! Materials other than glass don't refract: eta = 1, whatever `Ni` is, because exporters write `Ni` with every
 //! material. `Ka` is ignored without a warning, since the scene's ambient light acts on kd and every exporter writes
@@ -22,8 +23,9 @@
 use super::color::{ROUNDED, Scale};
 use super::ignored::Ignored;
 use super::lines::{ImportError, Token, Tokens, lines};
+use super::mtl_standard::PhysicalNumbers;
 use super::texture_map::{MapKind, TextureMap};
-use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::diagnostic::Diagnostics;
 use canaletto::material::{Material, Phong};
 use canaletto::math::Rgb;
 
@@ -47,6 +49,7 @@ struct Draft<'a> {
     filter: Option<Rgb>,
     illum: Option<u32>,
     emission: Rgb,
+    physical: PhysicalNumbers,
     maps: Vec<TextureMap>,
 }
 
@@ -63,6 +66,7 @@ impl Draft<'_> {
             filter: None,
             illum: None,
             emission: Rgb::BLACK,
+            physical: PhysicalNumbers::default(),
             maps: Vec::new(),
         }
     }
@@ -97,7 +101,10 @@ impl Draft<'_> {
         }
     }
 
-    fn finish(mut self, file: &str, ignored: &mut Ignored, warnings: &mut Diagnostics) -> MtlMaterial {
+    fn finish(mut self, ignored: &mut Ignored) -> MtlMaterial {
+        if self.physical.are_given() || self.maps.iter().any(|map| map.kind.is_of_standard()) {
+            return self.finish_standard(ignored);
+        }
         let plain = Phong::default();
         let (share, glass) = (self.share(ignored), self.is_glass());
         let (coverage, opacity) = if glass { (1.0, share) } else { (share, 1.0) };
@@ -118,24 +125,40 @@ impl Draft<'_> {
                 MapKind::Specular => phong.ks,
                 MapKind::Emission => phong.emission,
                 MapKind::Dissolve => Rgb::gray(share),
-                MapKind::Normal => Rgb::WHITE,
+                MapKind::Exponent => Rgb::gray(n),
+                _ => Rgb::WHITE,
             };
             let [r, g, b] = color.to_array();
-            let factor = color.max_component();
-            if factor > 0.0 && (r != g || g != b) {
-                let message = format!(
-                    "`{}` of material `{}` takes the place of a colour that isn't grey; it is multiplied by {factor}",
-                    map.word, self.name
-                );
-                warnings.push(Diagnostic::warning(file, message).at(map.span.clone()));
+            match color.is_black() {
+                true => {}
+                false if r == g && g == b => map.range = map.range.map(|v| v * r),
+                false => map.multiplies = true,
             }
-            let factor = if factor > 0.0 { factor } else { 1.0 };
-            map.range = map.range.map(|v| v * factor);
         }
         if matches!(self.illum, Some(0 | 1)) {
             self.maps.retain(|map| map.kind != MapKind::Specular);
         }
         let material = Material::new(self.name, phong).with_coverage(coverage);
+        MtlMaterial { material, maps: self.maps }
+    }
+
+    /// The material as a standard surface. Pictures multiply its numbers; a number of 0 beside a picture counts as 1.
+    fn finish_standard(mut self, ignored: &mut Ignored) -> MtlMaterial {
+        let (share, is_glass) = (self.share(ignored), self.is_glass() && self.illum.is_some());
+        let has = |kind: MapKind| self.maps.iter().any(|map| map.kind == kind);
+        let mut surface = self.physical.surface(has);
+        let kd = self.kd.unwrap_or(Phong::default().kd);
+        surface.base.color = if kd.is_black() && has(MapKind::Diffuse) { Rgb::WHITE } else { kd.map(|v| v.min(1.0)) };
+        surface.specular.ior = self.eta.filter(|eta| *eta >= 1.0).unwrap_or(surface.specular.ior);
+        let has_glow = has(MapKind::Emission);
+        let glow = if self.emission.is_black() && has_glow { Rgb::WHITE } else { self.emission };
+        (surface.emission.color, surface.emission.radiance) = (glow, 1.0);
+        let coverage = if is_glass { 1.0 } else { share };
+        if is_glass {
+            (surface.transmission.weight, surface.transmission.color) = (1.0 - share, surface.base.color);
+        }
+        self.maps.iter_mut().for_each(|map| map.multiplies = true);
+        let material = Material::new_standard(self.name, surface).with_coverage(coverage);
         MtlMaterial { material, maps: self.maps }
     }
 }
@@ -154,7 +177,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
         }
         let key = word.text.to_ascii_lowercase();
         if key == b"newmtl" {
-            done.extend(draft.take().map(|draft| draft.finish(file, &mut ignored, warnings)));
+            done.extend(draft.take().map(|draft| draft.finish(&mut ignored)));
             draft = Some(Draft::new(words.rest().string()));
             continue;
         }
@@ -197,7 +220,7 @@ pub(super) fn read(file: &str, bytes: &[u8], warnings: &mut Diagnostics) -> Vec<
             }
         }
     }
-    done.extend(draft.map(|draft| draft.finish(file, &mut ignored, warnings)));
+    done.extend(draft.map(|draft| draft.finish(&mut ignored)));
     for (count, what) in [(maps, "pictures"), (wrong, "properties with wrong values")] {
         if count > MAX_TOLD {
             let message = format!("{} more {what} are left out", count - MAX_TOLD);
@@ -213,7 +236,7 @@ const MAX_TOLD: usize = 20;
 
 /// Whether a word names a picture of a kind that isn't supported.
 fn is_map(key: &[u8]) -> bool {
-    key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl"].contains(&key)
+    key.starts_with(b"map_") || [&b"decal"[..], b"refl"].contains(&key)
 }
 
 fn left_out(map: &Token<'_>, picture: Token<'_>, material: &str) -> ImportError {
@@ -255,6 +278,7 @@ fn property<'a>(
         }
         b"ka" => {}
         b"ke" => draft.emission = components(words)?,
+        _ if draft.physical.takes(key) => draft.physical.set(key, share(words)?),
         _ => ignored.note(&word, "is left out"),
     }
     Ok(())
@@ -412,14 +436,37 @@ mod tests {
 
     #[test]
     fn what_is_left_out_is_told() {
-        let text = "Ka 1 1 1\nmap_Ka k.png\nmap_Bump -bm 1 a b.png\nmap_Kd -t 1 1 c.png\nKe 0 0 0\nsharpness 60\n";
+        let text = "Ka 1 1 1\nmap_Ka k.png\ndecal -bm 1 a b.png\nmap_Kd -t 1 1 c.png\nKe 0 0 0\nsharpness 60\n";
         let (_, warnings) = one(text);
-        assert!(warnings.contains("the `map_Bump` of material `m` is left out"), "{warnings}");
+        assert!(warnings.contains("the `decal` of material `m` is left out"), "{warnings}");
         assert!(warnings.contains("aren't supported: -bm 1 a b.png"), "{warnings}");
         assert!(warnings.contains("`-t` is an option of pictures that isn't supported"), "{warnings}");
         assert!(warnings.contains("`sharpness` is left out") && !warnings.contains("Ka"), "{warnings}");
-        let (_, warnings) = one(&"bump a.png\n".repeat(1000));
+        let (_, warnings) = one(&"refl a.png\n".repeat(1000));
         assert!(warnings.contains("980 more pictures are left out") && warnings.len() < 5000, "{warnings}");
+    }
+
+    /// The words of physically based materials, as Blender, tinyobjloader and others write them.
+    #[test]
+    fn physical_words_are_the_standard_surface() {
+        let standard = |text: &str| *material(text).0.standard().unwrap_or_else(|| panic!("{text}"));
+        let metal = standard("Kd 0.9 0.7 0.5\nPm 1\nPr 0.3\naniso 0.7\nanisor 0.25\nNi 1.45\nd 0.5\n");
+        assert_eq!((metal.base.color, metal.base.metalness), (Rgb::new(0.9, 0.7, 0.5), 1.0));
+        let specular = metal.specular;
+        assert_eq!((specular.roughness, specular.anisotropy, specular.anisotropy_rotation), (0.3, 0.7, 90.0));
+        assert_eq!(specular.ior, 1.45);
+        let coat = standard("Pc 1\nPcr 0.05\nPs 0.8\nKe 2 1.5 1").coat;
+        assert_eq!((coat.weight, coat.roughness), (1.0, 0.05));
+        let cloth = standard("Ps 0.8\nKe 2 1.5 1");
+        assert_eq!((cloth.fuzz.weight, cloth.emission.color), (0.8, Rgb::new(2.0, 1.5, 1.0)));
+        assert_eq!(material("Pr 1\nd 0.5").0.coverage, 0.5);
+        let glass = standard("Pr 0\nillum 7\nd 0.25\nNi 1.5");
+        assert_eq!((glass.transmission.weight, glass.specular.ior), (0.75, 1.5));
+        // Without a number a picture's values are the numbers.
+        let mapped = standard("map_Pr r.png\nmap_Pm m.png");
+        assert_eq!((mapped.specular.roughness, mapped.base.metalness), (1.0, 1.0));
+        assert_eq!(standard("Pr 0.5\nmap_Pm m.png").specular.roughness, 0.5);
+        assert!(material("Pr 2").1.contains("Pr"), "{}", material("Pr 2").1);
     }
 
     /// The pictures of a material that has these lines.
@@ -450,7 +497,8 @@ mod tests {
         assert_eq!(one("norm -bm 2 n.png").strength, 2.0);
         assert_eq!(one("map_Kd a.png\nmap_Kd b.png").file, "b.png", "the last one counts");
         assert_eq!(one("Kd 0 0 0\nmap_Kd a.png").range, [0.0, 1.0], "black beside a picture means nothing");
-        assert!(maps("Kd 1 0.5 0\nmap_Kd a.png").1.contains("isn't grey; it is multiplied by 1"));
+        let tinted = one("Kd 1 0.5 0\nmap_Kd a.png");
+        assert!(tinted.multiplies && tinted.range == [0.0, 1.0], "{tinted:?}");
         for (text, words) in [
             ("map_Kd", "the name of a picture is missing"),
             ("map_Kd -s 2", "the name of a picture is missing"),

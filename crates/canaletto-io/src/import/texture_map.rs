@@ -4,7 +4,11 @@
 //! |---|---|
 //! | `map_Kd`, `map_Ks`, `map_Ke` | kd, ks (and k of a mirror), emission: its colours times a grey `Kd`, `Ks`, `Ke` |
 //! | `map_d` | coverage, or the opacity of glass: its alpha if it has one, else its luminance, times `d` |
+//! | `map_Ns` | n, times `Ns` |
+//! | `map_Pr`, `map_Pm`, `map_Ps`, `map_Pc`, `map_Pcr` | roughness, metalness, fuzz, coat and its roughness of the standard surface, times their numbers |
 //! | `norm` | normals |
+//! | `map_Bump`, `bump` | heights of which the slope is seen, or normals if the picture has the colours of normals |
+//! | `disp` | heights that raise the surface |
 //!
 //! A factor of 0 counts as 1, since programs write black beside a picture. The options `-s` and `-o` scale and move
 //! texture coordinates: u' = s u + o. `-clamp on` continues the border. `-mm` gives the values of black and white,
@@ -25,6 +29,14 @@ pub(super) enum MapKind {
     Emission,
     Dissolve,
     Normal,
+    Exponent,
+    Bump,
+    Displacement,
+    Roughness,
+    Metalness,
+    Sheen,
+    Coat,
+    CoatRoughness,
 }
 
 impl MapKind {
@@ -36,8 +48,29 @@ impl MapKind {
             b"map_ke" => MapKind::Emission,
             b"map_d" => MapKind::Dissolve,
             b"norm" => MapKind::Normal,
+            b"map_ns" => MapKind::Exponent,
+            b"map_bump" | b"bump" => MapKind::Bump,
+            b"disp" | b"map_disp" => MapKind::Displacement,
+            b"map_pr" => MapKind::Roughness,
+            b"map_pm" => MapKind::Metalness,
+            b"map_ps" => MapKind::Sheen,
+            b"map_pc" => MapKind::Coat,
+            b"map_pcr" => MapKind::CoatRoughness,
             _ => return None,
         })
+    }
+}
+
+impl MapKind {
+    /// Whether the picture's values are colours.
+    pub(super) fn is_color(self) -> bool {
+        matches!(self, MapKind::Diffuse | MapKind::Specular | MapKind::Emission)
+    }
+
+    /// Whether only the standard surface has what the picture sets.
+    pub(super) fn is_of_standard(self) -> bool {
+        use MapKind as K;
+        matches!(self, K::Roughness | K::Metalness | K::Sheen | K::Coat | K::CoatRoughness)
     }
 }
 
@@ -56,6 +89,10 @@ pub(super) struct TextureMap {
     pub clamp: bool,
     /// The numbers that black and white stand for.
     pub range: [f32; 2],
+    /// Whether `-mm` gives them.
+    pub has_range: bool,
+    /// Whether they multiply the material's own colour, instead of taking its place.
+    pub multiplies: bool,
     pub channel: Option<Channel>,
     /// The strength of normals.
     pub strength: f32,
@@ -81,6 +118,8 @@ impl TextureMap {
             offset: [0.0; 2],
             clamp: false,
             range: [0.0, 1.0],
+            has_range: false,
+            multiplies: false,
             channel: None,
             strength: 1.0,
         };
@@ -92,7 +131,7 @@ impl TextureMap {
                 b"-o" => map.offset = two(&mut words, 0.0)?,
                 b"-mm" => {
                     let (base, gain) = (words.number("-mm")?, words.number("-mm")?);
-                    map.range = [base, base + gain];
+                    (map.range, map.has_range) = ([base, base + gain], true);
                 }
                 b"-bm" => map.strength = words.number("-bm")?,
                 b"-clamp" => map.clamp = is_on(&option, &mut words)?,

@@ -128,6 +128,19 @@ impl Samples {
         self.len() == 0
     }
 
+    /// The number at a place: a share of the largest integer, or the number itself.
+    ///
+    /// # Panics
+    /// If the place is beyond the end.
+    pub fn number(&self, at: usize) -> f32 {
+        match self {
+            Samples::U8(data) => f32::from(data[at]) / 255.0,
+            Samples::U16(data) => f32::from(data[at]) / 65535.0,
+            Samples::F16(data) => super::from_half(data[at]),
+            Samples::F32(data) => data[at],
+        }
+    }
+
     /// The size of the numbers in bytes.
     pub fn bytes(&self) -> usize {
         match self {

@@ -88,8 +88,10 @@ fn read_pieces(
         materials: Vec::new(),
         pictures: Pictures::default(),
         read: HashSet::new(),
+        size: 0.0,
     };
     let result = vertices::read(text).and_then(|first| {
+        reader.size = first.vertices.size();
         reader.libraries(&first.libraries);
         reader.faces(text, first, unsaid)
     });
@@ -117,6 +119,8 @@ struct Reader<'a> {
     pictures: Pictures,
     /// The libraries that were read.
     read: HashSet<PathBuf>,
+    /// The diagonal of the box around all positions.
+    size: f32,
 }
 
 impl Reader<'_> {

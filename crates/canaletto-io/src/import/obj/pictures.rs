@@ -7,8 +7,9 @@ use super::library::{last_part, path_of};
 use crate::assets::{Asset, AssetError, OpenAsset};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::image::{MAX_IMAGE_BYTES, read_image};
+use canaletto::Named;
 use canaletto::material::{Channel, Mapping, Material, Parameter, Target, TextureUse};
-use canaletto::texture::{ColorSpace, Image, ImageTexture, Texture, TextureKind, Wrap};
+use canaletto::texture::{ColorSpace, Image, ImageTexture, Samples, Texture, TextureKind, Wrap};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -38,6 +39,30 @@ impl Pictures {
     }
 }
 
+/// The height of white in a `map_Bump` as a share of the model's size, times `-bm`. MTL doesn't say what its heights are
+/// measured in.
+const BUMP: f32 = 0.01;
+
+/// The same of a `disp` without `-mm`, which gives heights in the model's unit.
+const DISPLACEMENT: f32 = 0.02;
+
+/// A target of the standard surface by its word.
+fn standard(word: &str) -> Target {
+    Target::from_name(word).unwrap_or(Target::Decal)
+}
+
+/// Whether a picture has the colours of normals: blue nearly everywhere, red and green around a half. Blender writes
+/// normal maps as `map_Bump`.
+fn shows_normals(image: &Image) -> bool {
+    let (Samples::U8(data), 3 | 4) = (&image.samples, image.channels) else { return false };
+    let channels = usize::from(image.channels);
+    let mut sums = [0u64; 3];
+    data.chunks_exact(channels).for_each(|texel| (0..3).for_each(|c| sums[c] += u64::from(texel[c])));
+    let count = (data.len() / channels).max(1) as f64 * 255.0;
+    let [r, g, b] = sums.map(|sum| sum as f64 / count);
+    b > 0.75 && (0.35..0.65).contains(&r) && (0.35..0.65).contains(&g)
+}
+
 impl Reader<'_> {
     /// The material with its pictures. A picture that can't be read is a warning, and the material is without it.
     pub(super) fn with_pictures(
@@ -49,8 +74,10 @@ impl Reader<'_> {
         let MtlMaterial { mut material, maps } = described;
         for map in maps {
             let Some(image) = self.image(&map, &material.name, library, warnings) else { continue };
-            let is_color = matches!(map.kind, MapKind::Diffuse | MapKind::Specular | MapKind::Emission);
-            let has_alpha = matches!(self.pictures.images[image as usize].channels, 2 | 4);
+            let (is_color, own) = (map.kind.is_color(), &self.pictures.images[image as usize]);
+            let is_dissolve = map.kind == MapKind::Dissolve;
+            let has_alpha = matches!(own.channels, 2 | 4) && (is_color || is_dissolve);
+            let has_normals = map.kind == MapKind::Bump && shows_normals(own);
             let texture = ImageTexture {
                 wrap: [if map.clamp { Wrap::Clamp } else { Wrap::Repeat }; 2],
                 // The alpha of a colour picture counts, so only pictures without it are plain numbers.
@@ -61,7 +88,11 @@ impl Reader<'_> {
             let Some(transform) = map.placement() else { continue };
             let mapping = Mapping { transform, ..Mapping::default() };
             let channel = map.channel.unwrap_or(if has_alpha { Channel::Alpha } else { Channel::Luminance });
+            let is_standard = material.standard().is_some();
             let targets: &[Target] = match map.kind {
+                // A surface with physical numbers has no other highlights.
+                MapKind::Specular | MapKind::Exponent if is_standard => &[],
+                MapKind::Dissolve if is_standard => &[Target::Cutout],
                 MapKind::Diffuse => &[Target::Parameter(Parameter::Diffuse)],
                 MapKind::Specular if !material.classic().k.is_black() => {
                     &[Target::Parameter(Parameter::Specular), Target::Parameter(Parameter::Mirror)]
@@ -70,11 +101,25 @@ impl Reader<'_> {
                 MapKind::Emission => &[Target::Parameter(Parameter::Emission)],
                 MapKind::Dissolve if !material.is_opaque() => &[Target::Parameter(Parameter::Opacity)],
                 MapKind::Dissolve => &[Target::Cutout],
-                MapKind::Normal => &[Target::Normal { strength: map.strength.max(0.0), down: false }],
+                MapKind::Bump if !has_normals => &[Target::Bump],
+                MapKind::Normal | MapKind::Bump => &[Target::Normal { strength: map.strength.max(0.0), down: false }],
+                MapKind::Displacement => &[Target::Displace { detail: Target::DEFAULT_DETAIL }],
+                MapKind::Exponent => &[Target::Parameter(Parameter::Exponent)],
+                MapKind::Roughness => &[Target::Parameter(Parameter::Roughness)],
+                MapKind::Metalness => &[standard("metalness")],
+                MapKind::Sheen => &[standard("fuzz-weight")],
+                MapKind::Coat => &[standard("coat-weight")],
+                MapKind::CoatRoughness => &[standard("coat-roughness")],
             };
+            let range = match map.kind {
+                MapKind::Bump => map.range.map(|height| height * map.strength * BUMP * self.size),
+                MapKind::Displacement if !map.has_range => map.range.map(|height| height * DISPLACEMENT * self.size),
+                _ => map.range,
+            };
+            let multiply = map.multiplies;
             for target in targets {
-                let range = map.range;
-                material.textures.push(TextureUse { channel, range, mapping, ..TextureUse::new(texture, *target) });
+                let used = TextureUse::new(texture, *target);
+                material.textures.push(TextureUse { channel, range, multiply, mapping, ..used });
             }
         }
         material

@@ -483,3 +483,41 @@ fn pictures_of_materials_are_textures() {
         assert!(warnings.contains(told), "no {told:?} in:\n{warnings}");
     }
 }
+
+/// A picture of one colour.
+fn plain_png(color: [f32; 3]) -> Vec<u8> {
+    use crate::picture::{EncodeSettings, Image, PictureFormat};
+    let image = Image::from_rgb(2, 2, std::iter::repeat_n(color, 4));
+    PictureFormat::Png.encode_image(&image, canaletto::scene::Transfer::Srgb, &EncodeSettings::default(), &[]).unwrap()
+}
+
+/// Pictures of heights have the model's size in them. One with the colours of normals is one of normals.
+#[test]
+fn pictures_of_physical_materials_are_textures() {
+    use canaletto::Named;
+    use canaletto::material::{Parameter, Target};
+    let text = format!("mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\nusemtl c\nf 1 2 4\n");
+    let library = "newmtl a\nmap_Bump -bm 0.5 h.png\ndisp -mm 1 2 h.png\nNs 100\nmap_Ns h.png\n\
+        newmtl b\nmap_Bump -bm 0.5 n.png\ndisp h.png\n\
+        newmtl c\nKd 1 0.5 0\nPr 0.5\nmap_Kd h.png\nmap_Pr h.png\nmap_Pm h.png\nmap_Ps h.png\nmap_Pc h.png\nmap_Pcr h.png\n";
+    let files = MemoryAssets::new().with("a.obj", text.as_str()).with("m.mtl", library);
+    let files = files.with("h.png", plain_png([0.5; 3])).with("n.png", plain_png([0.5, 0.5, 1.0]));
+    let ObjContent { meshes, materials, warnings, .. } = load_content(&files).unwrap();
+    assert_eq!(warnings.to_string(), "");
+    let bounds =
+        meshes[0].positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    let size = (bounds.1 - bounds.0).length();
+    let [a, b, c] = &materials[..] else { panic!("there are three materials") };
+    let of = |material: &Material| material.textures.iter().map(|u| (u.target, u.range)).collect::<Vec<_>>();
+    let displace = Target::Displace { detail: Target::DEFAULT_DETAIL };
+    let exponent = Target::Parameter(Parameter::Exponent);
+    assert_eq!(of(a), [(Target::Bump, [0.0, 0.005 * size]), (displace, [1.0, 3.0]), (exponent, [0.0, 100.0])]);
+    let normal = Target::Normal { strength: 0.5, down: false };
+    assert_eq!(of(b), [(normal, [0.0, 1.0]), (displace, [0.0, 0.02 * size])]);
+    let surface = c.standard().unwrap();
+    assert_eq!((surface.specular.roughness, surface.base.metalness, surface.fuzz.weight), (0.5, 1.0, 1.0));
+    let targets: Vec<&str> = c.textures.iter().map(|used| used.target.name()).collect();
+    assert_eq!(targets, ["diffuse", "roughness", "metalness", "fuzz-weight", "coat-weight", "coat-roughness"]);
+    assert!(c.textures.iter().all(|used| used.multiply));
+    c.check().unwrap();
+}

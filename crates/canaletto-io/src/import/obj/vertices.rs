@@ -33,6 +33,15 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
+    /// The diagonal of the box around all positions.
+    pub(super) fn size(&self) -> f32 {
+        let (low, high) = self
+            .positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        if self.positions.is_empty() { 0.0 } else { (high - low).length() }
+    }
+
     /// Whether this position isn't finite.
     pub(super) fn is_nowhere(&self, position: u32) -> bool {
         !self.non_finite.is_empty() && self.non_finite.binary_search(&position).is_ok()

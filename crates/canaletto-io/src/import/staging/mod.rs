@@ -5,6 +5,7 @@
 mod classic_lights;
 mod fit_camera;
 mod framed_points;
+mod glossy;
 mod node_bounds;
 mod settings;
 mod studio;
@@ -102,6 +103,7 @@ pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Optio
         }
         false => {
             scene.integrator = PathSettings::default().into();
+            glossy::make_glossy(&mut scene);
             scene.film = FilmSettings {
                 sampling: Sampling::Sampled(staging.quality.samples()),
                 tone: Some(Tone::PbrNeutral),
