@@ -112,7 +112,7 @@ impl Reader<'_> {
                 MapKind::CoatRoughness => &[standard("coat-roughness")],
             };
             let range = match map.kind {
-                MapKind::Bump => map.range.map(|height| height * map.strength * BUMP * self.size),
+                MapKind::Bump if !has_normals => map.range.map(|height| height * map.strength * BUMP * self.size),
                 MapKind::Displacement if !map.has_range => map.range.map(|height| height * DISPLACEMENT * self.size),
                 _ => map.range,
             };
