@@ -23,6 +23,8 @@ struct Wanted {
     color: Extra,
     /// The texture coordinates, two numbers for each corner.
     uv: Option<usize>,
+    /// The number of the picture.
+    picture: Option<usize>,
 }
 
 /// All faces of a file, split into triangles.
@@ -32,6 +34,9 @@ pub(super) struct FaceList {
     colors: Vec<Rgb>,
     /// The texture coordinates of the corners of each triangle; empty if faces have none.
     uvs: Vec<[Vec2; 3]>,
+    /// How many pictures the file names, and the number of each triangle's; empty unless there are several.
+    pictures: usize,
+    slots: Vec<u32>,
     /// The number of faces with fewer than three corners.
     thin: u64,
     /// The number of faces with a corner that isn't finite.
@@ -41,6 +46,11 @@ pub(super) struct FaceList {
 }
 
 impl FaceList {
+    /// A list for a file that names this many pictures.
+    pub(super) fn with_pictures(pictures: usize) -> FaceList {
+        FaceList { pictures, ..FaceList::default() }
+    }
+
     /// Whether no faces were read or left out.
     pub(super) fn is_empty(&self) -> bool {
         self.thin + self.lost == 0
@@ -67,17 +77,20 @@ impl FaceList {
             corners,
             color: Extra::of(element, false, &CloudSettings::default())?,
             uv: lists.into_iter().find(|at| element.properties[*at].length.is_some()),
+            picture: element.numbers(["texnumber"]).map(|[at]| at).filter(|_| self.pictures > 1),
         };
+        let numbers_one = if self.pictures == 1 { element.property(&["texnumber"]) } else { None };
         if !mesh.colors.is_empty() {
             // The colours of vertices are finer.
             wanted.color.color = None;
         }
         let color = wanted.color.color.iter().flat_map(|(properties, _)| properties);
-        let used: Vec<usize> = color.chain(&wanted.uv).chain([&corners]).copied().collect();
+        let used: Vec<usize> =
+            color.chain(&wanted.uv).chain([&corners]).chain(&wanted.picture).chain(&numbers_one).copied().collect();
         said.extend(element.unused(&used));
         memory::room(element.count.saturating_mul(size_of::<[u32; 3]>() as u64))
             .map_err(|e| ImportError::file(format!("{e}, which its {} faces take at least", element.count)))?;
-        let plain = wanted.color.color.is_none() && wanted.uv.is_none();
+        let plain = wanted.color.color.is_none() && wanted.uv.is_none() && wanted.picture.is_none();
         if plain
             && mesh.triangles.is_empty()
             && let Some(triangles) = table::triangles(element, corners, payload, mesh.positions.len())
@@ -88,6 +101,7 @@ impl FaceList {
         // The triangles of earlier elements get default values.
         self.colors.resize(if wanted.color.color.is_some() { mesh.triangles.len() } else { 0 }, Rgb::WHITE);
         self.uvs.resize(if wanted.uv.is_some() { mesh.triangles.len() } else { 0 }, [Vec2::ZERO; 3]);
+        self.slots.resize(if wanted.picture.is_some() { mesh.triangles.len() } else { 0 }, 0);
         let (positions, triangles) = (&mesh.positions, &mut mesh.triangles);
         payload.rows(
             element,
@@ -97,6 +111,7 @@ impl FaceList {
                 triangles.extend(some.triangles);
                 self.colors.extend(some.colors);
                 self.uvs.extend(some.uvs);
+                self.slots.extend(some.slots);
                 self.thin += some.thin;
                 self.lost += some.lost;
                 self.without_uv += some.without_uv;
@@ -118,6 +133,7 @@ impl FaceList {
             super::keep(&mut mesh.triangles, &kept);
             super::keep(&mut self.colors, &kept);
             super::keep(&mut self.uvs, &kept);
+            super::keep(&mut self.slots, &kept);
             let non_finite = positions.iter().filter(|p| !p.is_finite()).count();
             said.push(ImportError::file(format!(
                 "{non_finite} vertices have a coordinate that isn't a finite number; they are left out, and {} faces \
@@ -143,6 +159,15 @@ impl FaceList {
             return Err(ImportError::file("its faces have more corners of their own than 32 bits can count"));
         }
         self.split(mesh);
+        // Triangles of later elements without numbers have the first picture.
+        self.slots.resize(if self.slots.is_empty() { 0 } else { mesh.triangles.len() }, 0);
+        let last = self.pictures.saturating_sub(1) as u32;
+        let unknown = self.slots.iter().filter(|slot| **slot > last).count();
+        if unknown > 0 {
+            said.push(ImportError::file(format!("{unknown} faces have the number of no picture; they have the first")));
+            self.slots.iter_mut().filter(|slot| **slot > last).for_each(|slot| *slot = 0);
+        }
+        mesh.slots = self.slots;
         Ok(())
     }
 
@@ -210,6 +235,7 @@ struct Part {
     triangles: Vec<[u32; 3]>,
     colors: Vec<Rgb>,
     uvs: Vec<[Vec2; 3]>,
+    slots: Vec<u32>,
     thin: u64,
     lost: u64,
     without_uv: u64,
@@ -253,6 +279,10 @@ impl Part {
         match points.len() {
             3 => add([0, 1, 2]),
             _ => triangulator.cut(points, add)?,
+        }
+        if let Some(picture) = wanted.picture {
+            // The cast makes numbers below 0 and NaN the first picture.
+            self.slots.resize(self.slots.len() + triangles.len() - first, row.numbers[picture] as u32);
         }
         if wanted.color.color.is_some() {
             let mut one = Vec::new();

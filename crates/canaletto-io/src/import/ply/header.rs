@@ -141,7 +141,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, ImportError> {
             b"comment" => {
                 let texture = words.next().filter(|word| word.text.eq_ignore_ascii_case(b"texturefile"));
                 if texture.is_some() && textures.len() < MAX_TEXTURES {
-                    textures.push(words.rest().shown());
+                    textures.push(words.rest().string());
                 }
             }
             b"format" => encoding = Some(format(&line, words)?),

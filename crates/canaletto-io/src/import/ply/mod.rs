@@ -12,6 +12,7 @@
 mod faces;
 mod header;
 mod payload;
+mod pictures;
 mod table;
 
 use super::cloud::CloudSettings;
@@ -30,6 +31,7 @@ use crate::content::View;
 use crate::diagnostic::Diagnostics;
 use canaletto::math::Rgb;
 use canaletto::memory;
+use canaletto::scene::{Content, Fragment, Node};
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
 use canaletto::texture::{ColorSpace, srgb_decode};
 use canaletto_parallel::prelude::*;
@@ -37,6 +39,7 @@ use faces::{FaceList, strips};
 use glam::{DVec3, Vec2, Vec3};
 use header::{Element, Header, Kind};
 use payload::{Payload, Row};
+use pictures::Pictures;
 use std::io;
 
 /// PLY in the table of formats.
@@ -49,32 +52,57 @@ pub(super) const FORMAT: ModelFormat = ModelFormat {
     duration: None,
 };
 
-fn read_model(asset: &OpenAsset, _: &dyn Assets, options: &ReadOptions) -> ReadFragment {
+fn read_model(asset: &OpenAsset, assets: &dyn Assets, options: &ReadOptions) -> ReadFragment {
     let unsaid = options.unsaid;
     let view = asset.content.view();
     let failed = |e: &io::Error| Diagnostics::from(unreadable(e).error(asset.path.name()));
     let is_utf16 = view.piece(0..encoding::START, &mut Vec::new()).map(encoding::is_utf16).map_err(|e| failed(&e))?;
-    let (mut mesh, warnings) = if is_utf16 {
+    let file = asset.path.name();
+    let (content, mut warnings) = if is_utf16 {
         let bytes = view.whole().map_err(|e| failed(&e))?;
-        read_named(asset.path.name(), encoding::text(&bytes)[..].into())?
+        read_named(file, encoding::text(&bytes)[..].into())?
     } else {
-        read_named(asset.path.name(), view)?
+        read_named(file, view)?
     };
-    if unsaid == DefaultShading::Creases && mesh.normals.is_empty() {
-        smooth(&mut mesh, Smoothing::Creases);
+    match content {
+        PlyContent::Mesh(mut mesh, names) => {
+            if unsaid == DefaultShading::Creases && mesh.normals.is_empty() {
+                smooth(&mut mesh, Smoothing::Creases);
+            }
+            let pictures = pictures::read(&names, asset, assets, &mut warnings);
+            mesh.materials = (0..pictures.materials.len() as u32).collect();
+            let Pictures { images, textures, materials } = pictures;
+            Ok((Fragment { images, textures, ..fragment_of(vec![mesh], materials) }, warnings))
+        }
+        PlyContent::Points(cloud) => {
+            let node = Node::new(Content::Spheres(0));
+            Ok((Fragment { spheres: vec![cloud], nodes: vec![node], ..Fragment::default() }, warnings))
+        }
     }
-    Ok((fragment_of(vec![mesh], Vec::new()), warnings))
 }
 
-/// Reads the mesh of a file with this name, which messages mention.
-fn read_named(file: &str, view: View<'_>) -> Result<(Mesh, Diagnostics), Diagnostics> {
-    match read_mesh(file.rsplit('/').next().unwrap_or_default(), view) {
-        Ok((mesh, said)) => {
+/// What a file holds.
+enum PlyContent {
+    /// A mesh, with the pictures that its header names.
+    Mesh(Mesh, Vec<String>),
+    /// Vertices without faces.
+    Points(SphereCloud),
+}
+
+/// Reads a file with this name, which messages mention.
+fn read_named(file: &str, view: View<'_>) -> Result<(PlyContent, Diagnostics), Diagnostics> {
+    match read_content(file.rsplit('/').next().unwrap_or_default(), view) {
+        Ok((content, said)) => {
             let mut warnings = Diagnostics::new();
             said.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            let rounded = precision_warning::mesh(&mesh, precision(view));
+            let rounded = match &content {
+                PlyContent::Mesh(mesh, _) => precision_warning::mesh(mesh, precision(view)),
+                PlyContent::Points(SphereCloud { centers, radii, origin, .. }) => {
+                    precision_warning::cloud(centers, 1, radii, *origin, precision(view))
+                }
+            };
             rounded.into_iter().for_each(|complaint| warnings.push(complaint.warning(file)));
-            Ok((mesh, warnings))
+            Ok((content, warnings))
         }
         Err(complaint) => {
             let mut errors = Diagnostics::from(complaint.error(file));
@@ -84,10 +112,30 @@ fn read_named(file: &str, view: View<'_>) -> Result<(Mesh, Diagnostics), Diagnos
     }
 }
 
-/// Reads a mesh; returns it with warnings about what was left out or assumed.
-fn read_mesh(name: &str, view: View<'_>) -> Result<(Mesh, Vec<ImportError>), ImportError> {
+/// Reads a mesh, or points if there are no faces. Returns it with warnings about what was left out or assumed.
+fn read_content(name: &str, view: View<'_>) -> Result<(PlyContent, Vec<ImportError>), ImportError> {
     let header = read_header(view)?;
-    read_payload(name, &header, Payload::new(&header, view))
+    if header.elements.iter().any(|e| is_faces(e) || e.name == "tristrips") {
+        let (mesh, said) = read_payload(name, &header, Payload::new(&header, view))?;
+        return Ok((PlyContent::Mesh(mesh, header.textures), said));
+    }
+    let (mut cloud, said) = read_spheres(name, view, &CloudSettings::default())?;
+    if cloud.centers.is_empty() {
+        return Err(ImportError::file("it has neither faces nor points"));
+    }
+    if cloud.radii.is_empty() {
+        cloud.radii = vec![radius_of_points(&cloud.centers)];
+    }
+    Ok((PlyContent::Points(cloud), said))
+}
+
+/// The radius of points of which a file says nothing. Points of a surface as large as their box lie at distances of
+/// about its diagonal divided by √n, and hide what is behind them.
+fn radius_of_points(points: &[Vec3]) -> f32 {
+    let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+    let size = (high - low).length();
+    let radius = size * (0.4 / (points.len() as f32).sqrt()).min(0.02);
+    if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
 }
 
 /// The precision of positions in the file.
@@ -107,11 +155,7 @@ fn read_payload(
 ) -> Result<(Mesh, Vec<ImportError>), ImportError> {
     let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
     let mut said = Vec::new();
-    if !header.elements.iter().any(|e| is_faces(e) || e.name == "tristrips") {
-        return Err(ImportError::file("it has points but no faces")
-            .help("a cloud of spheres takes points: `spheres file=…` with a radius"));
-    }
-    let mut faces = FaceList::default();
+    let mut faces = FaceList::with_pictures(header.textures.len());
     for element in in_order(header)? {
         match element.name.as_str() {
             "vertex" => {
@@ -137,11 +181,6 @@ fn read_payload(
     faces.finish(&mut mesh, &mut said)?;
     if mesh.triangles.is_empty() {
         return Err(ImportError::file("none of its faces has three corners with finite coordinates"));
-    }
-    for picture in &header.textures {
-        let help =
-            "name the picture in the scene: texture \"skin\" { file \"…\" }, and that texture in the mesh's material";
-        said.push(ImportError::file(format!("the picture {picture}, which its header names, is left out")).help(help));
     }
     let without = mesh.normals.par_iter().filter(|n| !has_direction(n)).count();
     if without > 0 {

@@ -43,7 +43,20 @@ fn binary(big: bool) -> Vec<u8> {
 type Read = (Mesh, Vec<ImportError>);
 
 fn read_mesh(name: &str, bytes: &[u8]) -> Result<Read, ImportError> {
-    super::read_mesh(name, bytes.into())
+    match read_content(name, bytes.into())? {
+        (PlyContent::Mesh(mesh, _), said) => Ok((mesh, said)),
+        (PlyContent::Points(_), _) => panic!("there are no faces"),
+    }
+}
+
+/// A model of files, of which the first is `a.ply`.
+fn model(files: &[(&str, Vec<u8>)]) -> (Fragment, String) {
+    use crate::assets::{AssetPath, MemoryAssets};
+    let assets = files.iter().fold(MemoryAssets::new(), |assets, (name, bytes)| assets.with(name, bytes.clone()));
+    let asset = assets.open("a.ply", &AssetPath::base()).unwrap();
+    let options = ReadOptions { unsaid: DefaultShading::Creases, moment: None, variant: None };
+    let (fragment, warnings) = read_model(&asset, &assets, &options).unwrap_or_else(|e| panic!("{e}"));
+    (fragment, warnings.to_string())
 }
 
 /// The warnings about a file.
@@ -105,7 +118,9 @@ fn clouds_take_points_and_edges() {
     assert_eq!((spheres.centers[1], spheres.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.5, 0.25][..]));
     let cylinders = read_cylinders("a", text.as_bytes().into(), &CloudSettings::default()).unwrap().0;
     assert_eq!((cylinders.axes[0][1], cylinders.radii.as_slice()), (Vec3::new(4., 5., 6.), &[0.125][..]));
-    assert!(error(text).contains("it has points but no faces"));
+    // As a model it is its points.
+    let (model, _) = model(&[("a.ply", text.into())]);
+    assert_eq!((model.spheres[0].radii.as_slice(), model.nodes.len()), (&[0.5, 0.25][..], 1));
     assert_eq!(
         read_spheres("a", text.replace("0.25", "0").as_bytes().into(), &CloudSettings::default()).unwrap_err().message,
         "vertex 1: radius is 0; it must be more than 0"
@@ -381,8 +396,7 @@ fn faces_have_colours_of_their_own() {
                 assert!(triangle.iter().all(|v| mesh.colors[*v as usize] == expected), "{kind}, triangle {t}");
             }
             let said: Vec<&str> = said.iter().map(|complaint| &*complaint.message).collect();
-            assert_eq!(said.len(), if kind == "int" { 2 } else { 1 }, "{said:?}");
-            assert!(said.last().unwrap().contains("the picture wall of brick.png, which its header names"), "{said:?}");
+            assert_eq!(said.len(), usize::from(kind == "int"), "{said:?}");
         }
     }
 }
@@ -413,7 +427,6 @@ fn corners_have_texture_coordinates_of_their_own() {
                 }
             }
             let said: Vec<&str> = complaints.iter().map(|complaint| &*complaint.message).collect();
-            assert_eq!(said[0], "the property texnumber of element face is left out");
             let without = "1 faces have other than two texture coordinates for each corner; theirs are taken as 0";
             assert_eq!(said.contains(&without), short, "{said:?}");
         }
@@ -583,4 +596,48 @@ fn texture_coordinates_that_are_no_numbers_are_zero() {
     let (mesh, said) = read_mesh("a", text.as_bytes()).unwrap();
     assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::ZERO, Vec2::new(0.5, 0.75)]);
     assert_eq!(said[0].message, "2 texture coordinates aren't finite; they are taken as 0 0");
+}
+
+/// Points without radii are large enough to hide what is behind a surface of them.
+#[test]
+fn points_without_faces_are_spheres() {
+    let rows: String = (0..100).map(|i| format!("{} {} 0 255 0 0\n", i % 10, i / 10)).collect();
+    let text = format!(
+        "ply\nformat ascii 1.0\nelement vertex 100\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n{rows}"
+    );
+    let (model, warnings) = model(&[("a.ply", text.clone().into())]);
+    let cloud = &model.spheres[0];
+    assert_eq!((cloud.centers.len(), cloud.colors[0], warnings.as_str()), (100, Rgb::new(1.0, 0.0, 0.0), ""));
+    assert!(cloud.radii.len() == 1 && (0.2..0.6).contains(&cloud.radii[0]), "{:?}", cloud.radii);
+    let none = text.replace("vertex 100", "vertex 0");
+    let end = none.find("end_header\n").unwrap() + 11;
+    assert_eq!(error(&none[..end]), "it has neither faces nor points");
+}
+
+/// Each picture of the header has a material, and faces say by `texnumber` which is theirs.
+#[test]
+fn pictures_of_the_header_are_materials() {
+    use crate::picture::{EncodeSettings, Image, PictureFormat};
+    let image = Image::from_rgb(1, 1, std::iter::once([1.0, 0.5, 0.0]));
+    let srgb = canaletto::scene::Transfer::Srgb;
+    let png = PictureFormat::Png.encode_image(&image, srgb, &EncodeSettings::default(), &[]).unwrap();
+    let text = |second: &str| {
+        let text = format!(
+            "ply\nformat ascii 1.0\ncomment TextureFile wall of brick.png\n{second}element vertex 4\nproperty float x\n\
+             property float y\nproperty float z\nelement face 3\nproperty list uchar int vertex_indices\n\
+             property int texnumber\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 1\n3 0 2 3 0\n3 0 1 3 7\n"
+        );
+        text.into_bytes()
+    };
+    let brick = ("wall of brick.png", png);
+    let (one, warnings) = model(&[("a.ply", text("")), brick.clone()]);
+    assert_eq!((one.meshes[0].slots.len(), one.materials.len(), warnings.as_str()), (0, 1, ""));
+    assert_eq!((one.meshes[0].materials.as_slice(), one.materials[0].textures.len()), (&[0][..], 1));
+    let (two, warnings) = model(&[("a.ply", text("comment TextureFile ../b.png\n")), brick]);
+    assert_eq!((two.meshes[0].slots.as_slice(), two.materials.len()), (&[1, 0, 0][..], 2));
+    assert!(warnings.contains("1 faces have the number of no picture"), "{warnings}");
+    assert!(warnings.contains("the picture ../b.png, which its header names, is left out"), "{warnings}");
+    two.meshes[0].check().unwrap();
+    assert!(model(&[("a.ply", text(""))]).0.materials.is_empty());
 }
