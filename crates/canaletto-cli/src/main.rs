@@ -11,6 +11,7 @@ mod command_files;
 mod complete;
 mod denoiser;
 mod digest;
+mod doubts;
 mod exit;
 mod failure;
 mod flags;

@@ -318,3 +318,25 @@ fn a_watch_renders_again() {
     folder.says("render - --watch", 2, &["--watch: the standard input is read once"]);
     folder.says("render w.kdl --watch --camera no", 2, &["no camera \"no\""]);
 }
+
+/// Meshes that look odd are named by `check`, and pictures that show nothing by `render`, too.
+#[test]
+fn odd_pictures_are_told_of() {
+    let folder = Folder::new(
+        "s.kdl",
+        "camera { eye 3 2 4; center 0.3 0.3 0.3; size 8 8 }\nmaterial \"glass\" { dielectric 1.5 }\n\
+         mesh file=\"in.obj\" material=\"glass\"\nlight \"omni\" { position 5 5 5 }\n",
+    );
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+    folder.write("in.obj", format!("{corners}f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"));
+    folder.says("check s.kdl", 0, &["warning: mesh \"in\" is inside out", "turn its faces round"]);
+    folder.write("in.obj", format!("{corners}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
+    let said = folder.says("check s.kdl", 0, &[]);
+    assert!(!said.contains("inside out"), "{said}");
+    folder.write("in.obj", format!("{corners}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 2 3 4\n"));
+    folder.says("check s.kdl", 0, &["1 face of mesh \"in\" lie", "double faces"]);
+    folder.write("away.kdl", "camera { eye 0 0 5; center 0 0 9; size 8 8 }\nsphere { center 0 0 0; radius 1 }\n");
+    folder.says("render away.kdl", 0, &["warning: the picture will be empty: everything lies behind the eye"]);
+    let quiet = folder.run("render away.kdl -q");
+    assert!(quiet.status.success() && quiet.stderr.is_empty());
+}

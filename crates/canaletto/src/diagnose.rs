@@ -3,10 +3,12 @@
 //! Each [`Finding`] is a doubt, not an error. It is reported only where all rays agree.
 
 mod brightness;
+mod meshes;
 mod ray_trees;
 
 pub use crate::integrator::{Omission, omissions};
 pub use brightness::Reason;
+pub use meshes::{MeshFinding, doubt_meshes};
 pub use ray_trees::{RayTrees, large_ray_trees};
 
 use crate::camera::Camera;

@@ -12,6 +12,7 @@ pub use build::BuildOptions;
 pub use build::reuse::ReuseCounts;
 pub use build_error::BuildError;
 pub use canaletto_bvh::Quality;
+pub(crate) use data::shells::signed_volume;
 pub(crate) use media::body::Body;
 pub(crate) use media::solids::Solids;
 pub use trace::bundle::RayBundle;

@@ -6,6 +6,7 @@ use crate::backdrop::BackgroundFlag;
 use crate::complete::{is_complete, texts};
 use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::digest::Digest;
+use crate::doubts::doubt_picture;
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, print_diagnostics};
 use crate::format::{JSON_VERSION, count, duration, plural};
@@ -166,6 +167,7 @@ impl<'a> Series<'a> {
                 (frame_context.hierarchies, frame_context.times.build) = (world.origins(), time.as_secs_f64());
                 self.tell_of(&doubt_omissions(&self.reader.name, &world, &frame_context.job));
                 if self.rendered == 0 && !self.flags.quiet {
+                    self.tell_of(&doubt_picture(&self.reader.name, None, &world, &frame_context.job));
                     self.tell_of(&doubt_ray_trees(&self.reader.name, &world, &frame_context.job));
                 }
                 frame_context.world = Some(world);

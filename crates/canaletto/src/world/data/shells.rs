@@ -108,6 +108,26 @@ impl Shells {
     }
 }
 
+/// The volume of the closed parts of a mesh, whatever its materials: less than 0 if its faces turn inwards.
+pub(crate) fn signed_volume(mesh: &Mesh) -> f64 {
+    let (mut welded, slot) = (weld(&mesh.positions), |_| 0);
+    let mut sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+    let (mut open, _) = sides.open_triangles();
+    if !open.is_empty() && weld_rounded(mesh, &open, &mut welded) {
+        sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+        (open, _) = sides.open_triangles();
+    }
+    let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.len()) };
+    let origin = mesh.positions.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+    let triangles = (0..mesh.len()).filter(|&triangle| closed.is_empty() || closed[triangle]);
+    triangles
+        .map(|triangle| {
+            let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3() - origin);
+            a.dot(b.cross(c)) / 6.0
+        })
+        .sum()
+}
+
 impl<S: Fn(usize) -> u32> Sides<S> {
     /// The sides of a mesh's triangles, with vertices renumbered by `vertex`.
     fn of(mesh: &Mesh, slot: S, vertex: impl Fn(u32) -> u32) -> Sides<S> {
