@@ -431,6 +431,7 @@ fn replaced(read: &TextureRead) -> [Vec<f32>; 2] {
             point.standard.iter().map(|standard| standard.specular.anisotropy_rotation).collect()
         }
         Target::Displace { .. } => Vec::new(),
+        Target::CoatNormal { .. } => Vec::new(),
         Target::Bump | Target::Normal { .. } => normal.as_vec3().to_array().to_vec(),
     };
     let [before, after] = read.normals;

@@ -2,6 +2,7 @@
 
 use super::{Phong, StandardSurface};
 use crate::math::Rgb;
+use glam::Vec3;
 
 /// A material evaluated at a point: the whole material as an integrator sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,9 @@ pub struct MaterialPoint {
     pub coverage: f32,
     /// Whether a texture bent the shading normal.
     pub normal_bent: bool,
+    /// The coat's unit normal on the outer side, if it isn't the shading normal: one that textures of the base don't
+    /// bend. Else zero.
+    pub coat_normal: Vec3,
     /// Whether the inner side emits, too.
     pub two_sided: bool,
 }
@@ -30,6 +34,7 @@ impl Default for MaterialPoint {
             overlay: (Rgb::BLACK, 0.0),
             coverage: 1.0,
             normal_bent: false,
+            coat_normal: Vec3::ZERO,
             two_sided: false,
         }
     }

@@ -55,6 +55,15 @@ pub enum Target {
         /// Whether y is towards larger v, as in Direct3D.
         down: bool,
     },
+    /// Normals of the coat of the standard surface alone, as [`Target::Normal`] has them. The coat follows no other
+    /// normals or bumps.
+    #[serde(rename = "coat-normal")]
+    CoatNormal {
+        /// The factor of x and y; 1 leaves them unchanged.
+        strength: f32,
+        /// Whether y is towards larger v, as in Direct3D.
+        down: bool,
+    },
     /// The direction that highlights of the standard surface are stretched along, in tangent space: red and green from
     /// 0 to 1 are x and y from −1 to 1. It is turned by the surface's own rotation. `range` isn't used.
     #[serde(rename = "anisotropy-direction")]
@@ -107,8 +116,8 @@ impl Channel {
 }
 
 /// The targets: colours over the shaded one, the parameters of the model, then what changes the surface itself.
-const TARGETS: [Target; Parameter::COUNT + StandardTarget::COUNT + 7] = {
-    let mut all = [Target::Replace; Parameter::COUNT + StandardTarget::COUNT + 7];
+const TARGETS: [Target; Parameter::COUNT + StandardTarget::COUNT + 8] = {
+    let mut all = [Target::Replace; Parameter::COUNT + StandardTarget::COUNT + 8];
     all[1] = Target::Decal;
     let mut i = 0;
     while i < Parameter::COUNT {
@@ -126,6 +135,7 @@ const TARGETS: [Target; Parameter::COUNT + StandardTarget::COUNT + 7] = {
     all[i + 1] = Target::Bump;
     all[i + 2] = Target::Displace { detail: Target::DEFAULT_DETAIL };
     all[i + 3] = Target::Normal { strength: 1.0, down: false };
+    all[i + 4] = Target::CoatNormal { strength: 1.0, down: false };
     all
 };
 
@@ -172,6 +182,7 @@ impl Target {
             Target::Bump => "bump",
             Target::Displace { .. } => "displace",
             Target::Normal { .. } => "normal",
+            Target::CoatNormal { .. } => "coat-normal",
         }
     }
 
@@ -186,13 +197,19 @@ impl Target {
             | Target::Cutout
             | Target::Bump
             | Target::Displace { .. }
-            | Target::Normal { .. } => false,
+            | Target::Normal { .. }
+            | Target::CoatNormal { .. } => false,
         }
     }
 
     /// Whether the target bends the normal.
     pub fn bends_normal(&self) -> bool {
         matches!(self, Target::Bump | Target::Normal { .. })
+    }
+
+    /// Whether the texture's colours are normals.
+    pub fn takes_normals(&self) -> bool {
+        matches!(self, Target::Normal { .. } | Target::CoatNormal { .. })
     }
 
     /// Whether the target may let light through.
@@ -232,7 +249,7 @@ impl TextureUse {
         if let Some(bad) = self.range.iter().find(|v| !v.is_finite()) {
             return Err(OutOfRange::new("range", format!("holds {bad}; both numbers must be finite")));
         }
-        if let Target::Normal { strength, .. } = self.target
+        if let Target::Normal { strength, .. } | Target::CoatNormal { strength, .. } = self.target
             && !(strength.is_finite() && strength >= 0.0)
         {
             return Err(OutOfRange::new("strength", format!("is {strength}; it must be 0 or more and finite")));
@@ -305,7 +322,7 @@ impl TextureUse {
                 let old = if self.multiply { point.coverage } else { 1.0 };
                 point.coverage = (old * number()).min(1.0);
             }
-            Target::Bump | Target::Displace { .. } | Target::Normal { .. } => {}
+            Target::Bump | Target::Displace { .. } | Target::Normal { .. } | Target::CoatNormal { .. } => {}
         }
     }
 }

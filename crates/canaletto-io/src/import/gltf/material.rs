@@ -21,7 +21,7 @@ pub(super) struct Materials<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OfPrimitive {
     pub(super) one_sided: bool,
-    /// The uv set of the normal map.
+    /// The uv set of the normal map, or of the coat's.
     pub(super) tangent_set: Option<u32>,
     pub(super) color: Rgb,
 }
@@ -43,11 +43,13 @@ impl<'a> Materials<'a> {
             None => &default,
         };
         let is_body = info.extensions.volume.as_ref().is_some_and(|volume| volume.thickness_factor > 0.0);
+        let coat = info.extensions.clearcoat.as_ref();
+        let coat_normal = coat.and_then(|coat| coat.clearcoat_normal_texture.as_ref());
         let [r, g, b, _] = info.pbr_metallic_roughness.base_color_factor;
         Ok(OfPrimitive {
             // Light leaves a clear body from inside.
             one_sided: index.is_some() && !info.double_sided && !is_body,
-            tangent_set: info.normal_texture.as_ref().map(TextureRef::uv_set),
+            tangent_set: info.normal_texture.as_ref().or(coat_normal).map(TextureRef::uv_set),
             color: Rgb::new(r, g, b),
         })
     }
@@ -300,9 +302,9 @@ impl Maker<'_, '_> {
             (surface.coat.ior, surface.coat.darkening) = (1.5, 0.0);
             self.map(coat.clearcoat_texture.as_ref(), standard("coat-weight"), Channel::Red);
             self.map(coat.clearcoat_roughness_texture.as_ref(), standard("coat-roughness"), Channel::Green);
-            if coat.clearcoat_normal_texture.is_some() {
-                let message = "a normal map of the coat alone isn't read yet: the coat has the base's normals";
-                self.warnings.push(Fault::new(message).at(format!("{place}/clearcoatNormalTexture")));
+            if let Some(texture) = &coat.clearcoat_normal_texture {
+                let target = Target::CoatNormal { strength: texture.scale.max(0.0), down: false };
+                self.map(Some(texture), target, Channel::Luminance);
             }
         }
         if let Some(sheen) = &info.extensions.sheen {

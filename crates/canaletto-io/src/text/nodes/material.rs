@@ -419,9 +419,9 @@ impl<'a> Decoder<'a> {
         change(&mut material.shadow_catcher, fields.get(&SHADOW_CATCHER));
         let checked = material.check();
         let textures = self.surface_textures(fields);
-        if let Some(used) =
-            textures.iter().find(|texture| matches!(texture.target, Target::Standard(_) | Target::AnisotropyDirection))
-        {
+        if let Some(used) = textures.iter().find(|texture| {
+            matches!(texture.target, Target::Standard(_) | Target::CoatNormal { .. } | Target::AnisotropyDirection)
+        }) {
             let problem = format!("for {:?} has a meaning on the standard surface only", used.target.name());
             self.out_of_range(fields, &OutOfRange::new(TEXTURE.name(), problem));
         }

@@ -159,7 +159,7 @@ impl Decoder<'_> {
                     self.valid = false;
                 }
             }
-            Target::Normal { strength, down } => {
+            Target::Normal { strength, down } | Target::CoatNormal { strength, down } => {
                 *strength = f.get(&STRENGTH).unwrap_or(*strength);
                 *down = f.word(&GREEN) == Some(GreenAxis::Down);
             }
@@ -237,7 +237,7 @@ impl Decoder<'_> {
 
     /// Reports fields that don't apply to this use.
     fn only_for(&mut self, f: &Fields, target: Target) {
-        let normal = matches!(target, Target::Normal { .. });
+        let normal = target.takes_normals();
         let heights = matches!(target, Target::Bump | Target::Displace { .. });
         let one = !target.takes_color() && !normal && target != Target::AnisotropyDirection;
         for (word, given, meant) in [

@@ -62,9 +62,12 @@ impl OpaqueMaterial {
         let is_harmless = |target: Target| match target {
             Target::Parameter(parameter) => parameter == Parameter::Diffuse,
             Target::Bump | Target::Normal { .. } | Target::Displace { .. } => true,
-            Target::Replace | Target::Decal | Target::Cutout | Target::Standard(_) | Target::AnisotropyDirection => {
-                false
-            }
+            Target::Replace
+            | Target::Decal
+            | Target::Cutout
+            | Target::Standard(_)
+            | Target::CoatNormal { .. }
+            | Target::AnisotropyDirection => false,
         };
         if material.coverage <= 0.0
             || !material.is_opaque()

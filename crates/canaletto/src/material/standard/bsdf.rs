@@ -10,7 +10,7 @@ use super::layers::{Layer, Layers, weighted_ior};
 use super::metal::MetalFresnel;
 use super::{StandardFuzz, StandardSurface, StandardThinFilm};
 use crate::math::{Rgb, warp};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 use std::f64::consts::FRAC_1_PI;
 
 /// The coat at a point.
@@ -22,6 +22,8 @@ pub(super) struct CoatPoint {
     pub(super) alpha: [f32; 2],
     pub(super) ior: f32,
     pub(super) darkening: f32,
+    /// The coat's shading normal on the viewer's side, if it isn't that of the base.
+    normal: Option<DVec3>,
 }
 
 /// A standard surface at a point.
@@ -131,6 +133,10 @@ impl StandardBsdf {
                 alpha: widths(coat.roughness, coat.anisotropy),
                 ior: coat.ior,
                 darkening: coat.darkening,
+                normal: (point.coat_normal != Vec3::ZERO && coat_weight > 0.0).then(|| {
+                    let outwards = point.coat_normal.as_dvec3().normalize();
+                    if frame.outside { outwards } else { -outwards }
+                }),
             },
             fuzz: StandardFuzz { weight: fuzz_weight, ..fuzz },
         }
@@ -248,9 +254,8 @@ impl StandardBsdf {
         let cos = wo.dot(m);
         // D G₂ / (4 wo·n), the factor of F
         let facets = |ggx: &Ggx| ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
-        if self.coat.weight > 0.0 && !self.is_delta_layer(Layer::Coat) {
-            let share = fresnel_dielectric(cos, 1.0 / f64::from(self.coat.ior));
-            f += Rgb::gray((share * layers.coat_share * facets(&self.coat_ggx())) as f32);
+        if self.coat.normal.is_none() {
+            f += self.eval_coat(layers, wo, wi);
         }
         let mut base = self.eval_diffuse(wo, wi) * layers.diffuse_share + layers.back_share * (wi.z * FRAC_1_PI) as f32;
         base *= matte as f32;
@@ -258,6 +263,25 @@ impl StandardBsdf {
             base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;
         }
         f + self.below(layers, &[wo.z, wi.z]) * base
+    }
+
+    /// f cos θ of a rough coat, for directions in the frame of its facets.
+    fn eval_coat(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> Rgb {
+        if self.coat.weight == 0.0 || self.is_delta_layer(Layer::Coat) || wi.z <= 0.0 {
+            return Rgb::BLACK;
+        }
+        let (ggx, m) = (self.coat_ggx(), (wo + wi).normalize());
+        let share = fresnel_dielectric(wo.dot(m), 1.0 / f64::from(self.coat.ior));
+        Rgb::gray((share * layers.coat_share * (ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z))) as f32)
+    }
+
+    /// The density of a rough coat, for directions in the frame of its facets.
+    fn coat_pdf(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> f64 {
+        let probability = layers.probability(Layer::Coat);
+        if probability == 0.0 || self.is_delta_layer(Layer::Coat) || wi.z <= 0.0 {
+            return 0.0;
+        }
+        probability * self.coat_ggx().mirrored_pdf(wo, (wo + wi).normalize())
     }
 
     /// f cos θ of the diffuse part of the base, without the layers over it.
@@ -329,7 +353,7 @@ impl StandardBsdf {
         }
         let m = (wo + wi).normalize();
         add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
-        add(Layer::Coat, &|| self.coat_ggx().mirrored_pdf(wo, m));
+        add(Layer::Coat, &|| if self.coat.normal.is_none() { self.coat_ggx().mirrored_pdf(wo, m) } else { 0.0 });
         add(Layer::Diffuse, &|| if is_mirrored { 0.0 } else { self.diffuse_pdf(wi) });
         add(Layer::Facets, &|| {
             let cos = wo.dot(m);
@@ -393,6 +417,14 @@ impl StandardBsdf {
     }
 }
 
+/// The frame of a coat with a normal of its own.
+struct CoatFrame {
+    frame: ScatteringFrame,
+    /// The axes of its facets as columns, and the viewer's direction in them.
+    axes: DMat3,
+    local: DVec3,
+}
+
 /// A standard surface at a point, as it is seen from one direction.
 pub(crate) struct SeenStandard {
     pub(crate) bsdf: StandardBsdf,
@@ -400,6 +432,8 @@ pub(crate) struct SeenStandard {
     /// The axes of the facets as columns, and the viewer's direction in them.
     axes: DMat3,
     local: DVec3,
+    /// The same of the coat, if it has a normal of its own.
+    coat: Option<CoatFrame>,
     layers: Layers,
     /// The factor of diffuse lobes: over the part of their hemisphere that is above the geometric surface.
     matte: f64,
@@ -412,20 +446,23 @@ impl SeenStandard {
         let frame = &bsdf.frame;
         let matte =
             if frame.is_bent() && bsdf.diffuse_from == 0.0 { 2.0 / (1.0 + axes.z_axis.dot(frame.facing)) } else { 1.0 };
-        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local), matte }
+        let coat = bsdf.coat.normal.map(|normal| {
+            let frame = ScatteringFrame { normal, ..bsdf.frame };
+            let axes = frame.facet_axes(wo);
+            CoatFrame { frame, axes, local: axes.transpose() * wo }
+        });
+        let over = coat.as_ref().map_or(local, |coat| coat.local);
+        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local, over), coat, matte }
     }
 
-    /// The directions in the frame of the facets whose light leads to `wi`: itself, and the one that is mirrored at the
-    /// geometric surface, if it is on the same side of the facets.
+    /// The directions in the frame of the base's facets whose light leads to `wi`.
     fn local(&self, wi: DVec3) -> impl Iterator<Item = Local> {
-        let facing = self.bsdf.frame.facing;
-        let is_above = wi.dot(facing) > 0.0;
-        let one = |wi: DVec3, is_mirrored: bool| {
-            let local = Local { wo: self.local, wi: self.axes.transpose() * wi, is_mirrored };
-            ((local.wi.z > 0.0) == is_above).then_some(local)
-        };
-        let mirrored = if self.bsdf.frame.is_bent() { one(mirrored_at(facing, wi), true) } else { None };
-        one(wi, false).into_iter().chain(mirrored)
+        locals(&self.bsdf.frame, self.axes, self.local, wi)
+    }
+
+    /// The directions in the frame of the coat's facets whose light leads to `wi`, if it has a frame of its own.
+    fn coat_local(&self, wi: DVec3) -> impl Iterator<Item = Local> {
+        self.coat.iter().flat_map(move |coat| locals(&coat.frame, coat.axes, coat.local, wi))
     }
 
     /// What passes in one direction.
@@ -442,16 +479,23 @@ impl SeenStandard {
     }
 
     pub(in crate::material) fn eval(&self, wi: DVec3) -> Rgb {
-        self.local(wi).fold(Rgb::BLACK, |sum, local| sum + self.bsdf.eval_local(&self.layers, &local, self.matte))
+        let base = self.local(wi);
+        let sum = base.fold(Rgb::BLACK, |sum, local| sum + self.bsdf.eval_local(&self.layers, &local, self.matte));
+        let coat = self.coat_local(wi);
+        coat.fold(sum, |sum, Local { wo, wi, .. }| sum + self.bsdf.eval_coat(&self.layers, wo, wi))
     }
 
     pub(in crate::material) fn pdf(&self, wi: DVec3) -> f64 {
-        self.local(wi).map(|local| self.bsdf.pdf_local(&self.layers, &local)).sum()
+        let base: f64 = self.local(wi).map(|local| self.bsdf.pdf_local(&self.layers, &local)).sum();
+        let coat = self.coat_local(wi).map(|Local { wo, wi, .. }| self.bsdf.coat_pdf(&self.layers, wo, wi));
+        coat.fold(base, |sum, pdf| sum + pdf)
     }
 
     pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         let SeenStandard { bsdf, wo, axes, local: o, layers, .. } = self;
-        let (o, (layer, u_facet)) = (*o, layers.choose(u_lobe)?);
+        let (layer, u_facet) = layers.choose(u_lobe)?;
+        let own = self.coat.as_ref().filter(|_| layer == Layer::Coat);
+        let (axes, o) = own.map_or((axes, *o), |coat| (&coat.axes, coat.local));
         let mirrors = |cos: f64| u_facet < bsdf.mirror_probability(layers, cos);
         if bsdf.is_delta_layer(layer) {
             let share = if layer == Layer::Facets { bsdf.mirror_probability(layers, o.z) } else { 1.0 };
@@ -502,4 +546,18 @@ impl SeenStandard {
         let pdf = self.pdf(wi);
         (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })
     }
+}
+
+/// The directions in the frame of facets whose light leads to `wi`: itself, and the one that is mirrored at the geometric
+/// surface, if it is on the same side of the facets. `axes` are those of the facets, and `wo` is the viewer's direction
+/// in them.
+fn locals(frame: &ScatteringFrame, axes: DMat3, wo: DVec3, wi: DVec3) -> impl Iterator<Item = Local> + use<> {
+    let facing = frame.facing;
+    let is_above = wi.dot(facing) > 0.0;
+    let one = move |wi: DVec3, is_mirrored: bool| {
+        let local = Local { wo, wi: axes.transpose() * wi, is_mirrored };
+        ((local.wi.z > 0.0) == is_above).then_some(local)
+    };
+    let mirrored = if frame.is_bent() { one(mirrored_at(facing, wi), true) } else { None };
+    one(wi, false).into_iter().chain(mirrored)
 }

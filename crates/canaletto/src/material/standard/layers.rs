@@ -217,8 +217,9 @@ impl StandardBsdf {
         (plain + sum * (gain / FILM_FACETS.len() as f64) as f32).map(|v| v.clamp(0.0, 1.0))
     }
 
-    /// The layers as they are seen from `wo`, in the frame of the facets.
-    pub(super) fn layers(&self, wo: DVec3) -> Layers {
+    /// The layers as they are seen from `wo`, in the frame of the base's facets; `over` is the same direction in that of
+    /// the coat's.
+    pub(super) fn layers(&self, wo: DVec3, over: DVec3) -> Layers {
         let cos = wo.z;
         // Fuzz
         let fuzz = (self.fuzz.weight > 0.0).then(|| Fuzz::new(wo, self.fuzz.roughness.into()));
@@ -228,11 +229,11 @@ impl StandardBsdf {
         let share = f64::from(self.coat.weight);
         let (mut coat_share, mut coat_albedo, mut coat_grazed, mut darkened) = (0.0, 0.0, 0.0, Rgb::WHITE);
         if share > 0.0 {
-            let kept = kept(wo, 1.0 / f64::from(self.coat.ior), &self.coat_ggx());
+            let kept = kept(over, 1.0 / f64::from(self.coat.ior), &self.coat_ggx());
             coat_albedo = kept.mirrored / kept.total();
             coat_share = (1.0 - covered) * share / kept.total();
             if self.coat.alpha[0] > 0.0 {
-                coat_grazed = OF_GRAZED * fresnel_dielectric(grazed_cosine(cos), 1.0 / f64::from(self.coat.ior));
+                coat_grazed = OF_GRAZED * fresnel_dielectric(grazed_cosine(over.z), 1.0 / f64::from(self.coat.ior));
             }
             darkened = lerp(Rgb::WHITE, self.darkening(cos), share * f64::from(self.coat.darkening));
         }

@@ -1,7 +1,7 @@
 //! The standard surface: densities, albedos, what is lossless, and each layer against a formula.
 
 use super::super::testing::{albedo, bsdf_of, check_sampling, direction, unsqueezed_albedo};
-use super::super::{Bsdf, Lobe, Material, ScatteringFrame};
+use super::super::{Bsdf, Lobe, Material, MaterialPoint, ScatteringFrame};
 use super::*;
 use crate::material::METALS;
 use glam::DVec3;
@@ -114,6 +114,48 @@ fn directions_have_their_density() {
     }
     check_sampling(&from_inside(rough(clear(), 0.5)), direction(40.0), 0.0);
     check_sampling(&from_inside(rough(mixed, 0.5)), direction(30.0), 0.0);
+}
+
+/// A coat with a normal of its own over a base whose normal leans by these degrees.
+fn over_leaning_base(surface: StandardSurface, coat_normal: DVec3, degrees: f64) -> Bsdf {
+    let material = Material::new_standard("m", surface);
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let frame = ScatteringFrame { normal: DVec3::new(sin, 0.0, cos), ..ScatteringFrame::flat(DVec3::Z, 1.0) };
+    let point = MaterialPoint {
+        classic: material.classic(),
+        standard: Some(surface),
+        coat_normal: coat_normal.as_vec3(),
+        normal_bent: true,
+        ..MaterialPoint::default()
+    };
+    material.bsdf(&point, frame)
+}
+
+/// A coat doesn't follow the bumps of its base.
+#[test]
+fn coats_have_normals_of_their_own() {
+    let smooth = coated(rough(white(), 0.5), 0.0);
+    let wo = direction(30.0);
+    for coat_normal in [DVec3::Z, DVec3::new(-0.2, 0.1, 1.0).normalize()] {
+        let seen = over_leaning_base(smooth, coat_normal, 20.0);
+        let seen = seen.seen_from(wo);
+        let mirrored = (0..64).filter_map(|i| seen.sample((f64::from(i) + 0.5) / 64.0, [0.3, 0.6]));
+        let mirrored: Vec<_> = mirrored.filter(|sample| sample.is_delta).collect();
+        assert!(!mirrored.is_empty());
+        let expected = coat_normal * (2.0 * wo.dot(coat_normal)) - wo;
+        assert!(mirrored.iter().all(|sample| (sample.wi - expected).length() < 1e-6), "{:?}", mirrored[0]);
+        let rough_coat = coated(rough(white(), 0.6), 0.35);
+        check_sampling(&over_leaning_base(rough_coat, coat_normal, 20.0), wo, 0.0);
+        for degrees in ANGLES {
+            let albedo = albedo(&over_leaning_base(rough_coat, coat_normal, 20.0), degrees);
+            assert!(albedo.is_at_most(1.0 + 0.02), "{coat_normal}, {degrees}°: {albedo:?}");
+        }
+    }
+    // The normal of the base itself changes nothing.
+    let own = |normal: DVec3| over_leaning_base(coated(rough(white(), 0.6), 0.35), normal, 20.0);
+    let base_normal = DVec3::new(20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos());
+    let [a, b] = [own(DVec3::ZERO), own(base_normal)].map(|bsdf| bsdf.eval(wo, direction(-50.0)));
+    assert!((a - b).to_array().iter().all(|v| v.abs() < 1e-4), "{a:?} {b:?}");
 }
 
 /// What the tables and quadratures of albedos may err by.

@@ -151,6 +151,7 @@ impl World {
         (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
         let at = At::new(self, local, step);
         let mut normal = local.surface.shading_normal;
+        let mut coat = normal;
         // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
@@ -162,10 +163,11 @@ impl World {
             match used.target {
                 Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
                 Target::Normal { strength, down } => {
-                    let s = f64::from(strength);
-                    let [x, y, z] = [value[0], value[1], value[2]].map(|v| 2.0 * f64::from(v) - 1.0);
-                    let y = if down { -y } else { y };
-                    normal = apply_normal_map(normal, local.tangent_frame(), [x * s, y * s, z]);
+                    normal = apply_normal_map(normal, local.tangent_frame(), tangent_space(value, strength, down));
+                }
+                Target::CoatNormal { strength, down } => {
+                    let bent = apply_normal_map(coat, local.tangent_frame(), tangent_space(value, strength, down));
+                    coat = clamp_to_hemisphere(bent, local.surface.normal);
                 }
                 _ => used.apply(value, &mut point),
             }
@@ -187,11 +189,15 @@ impl World {
             }
         }
         material.finish(&mut point);
+        let in_world = |normal: DVec3, surface: &Surface| match &local.to_world {
+            None => normal,
+            Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),
+        };
+        if coat != normal && point.standard.is_some_and(|standard| standard.coat.weight > 0.0) {
+            point.coat_normal = in_world(coat, surface).as_vec3();
+        }
         if point.normal_bent {
-            surface.shading_normal = match &local.to_world {
-                None => normal,
-                Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),
-            };
+            surface.shading_normal = in_world(normal, surface);
         }
         point
     }
@@ -287,6 +293,13 @@ impl World {
             },
         }
     }
+}
+
+/// The vector of a normal map's colour in tangent space.
+fn tangent_space([r, g, b, _]: [f32; 4], strength: f32, down: bool) -> [f64; 3] {
+    let s = f64::from(strength);
+    let [x, y, z] = [r, g, b].map(|v| 2.0 * f64::from(v) - 1.0);
+    [x * s, if down { -y } else { y } * s, z]
 }
 
 /// A hit as the input of texture mappings.
