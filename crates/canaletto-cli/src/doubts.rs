@@ -20,14 +20,13 @@ pub(crate) fn doubt_meshes(name: &str, scene: &Scene) -> Diagnostics {
                 ),
             )
             .help("turn its faces round in a modeller, or mirror it with a negative scale"),
-            MeshFinding::Doubled { mesh, faces } => Diagnostic::warning(
-                name,
-                format!(
-                    "{} of mesh \"{mesh}\" lie on others with the same corners, which are seen instead",
-                    plural(faces as u64, "face")
-                ),
-            )
-            .help("a modeller removes double faces; glass with both has no inside"),
+            MeshFinding::Doubled { mesh, faces } => {
+                let faces = plural(faces as u64, "face");
+                let message =
+                    format!("mesh \"{mesh}\" has {faces} with the same corners as others, which are seen instead");
+                Diagnostic::warning(name, message)
+                    .help("a modeller removes double faces; glass with both has no inside")
+            }
             _ => continue,
         });
     }
