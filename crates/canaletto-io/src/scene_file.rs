@@ -1,12 +1,15 @@
 //! Scene files: a scene text or a model, told apart by the extension of the file's name.
 
 use crate::assets::{AssetPath, Assets};
-use crate::diagnostic::Diagnostics;
+use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::{self, ModelFormat, Moment, Staging};
 use crate::source::{SceneSource, Timeline};
 use crate::text::{SceneDocument, set_in_model};
 use canaletto::Named;
-use canaletto::scene::{Integrator, PathSettings, Scene};
+use canaletto::math::Transform;
+use canaletto::scene::{Extrinsics, Integrator, PathSettings, Scene};
+use canaletto::shape::Mesh;
+use glam::DVec3;
 
 /// The reasons why a source can't be opened.
 #[derive(Debug)]
@@ -69,6 +72,8 @@ struct Model {
     /// The length of its clip in seconds from the moment of frame 0 on.
     length: Option<f64>,
     timeline: Timeline,
+    /// The camera whose shutter counts; none for the first.
+    camera: Option<String>,
 }
 
 impl Model {
@@ -91,7 +96,7 @@ impl Model {
             }
         }
         timeline.moves |= staging.turntable.is_some();
-        let mut model = Model { file: file.to_owned(), set: set.to_vec(), staging, length, timeline };
+        let mut model = Model { file: file.to_owned(), set: set.to_vec(), staging, length, timeline, camera: None };
         model.set_fps(Timeline::DEFAULT_FPS);
         Ok(model)
     }
@@ -111,8 +116,9 @@ impl SceneSource for Model {
         };
     }
 
-    /// No format of models has a camera with a shutter.
-    fn use_shutter_of(&mut self, _: &str) {}
+    fn use_shutter_of(&mut self, camera: &str) {
+        self.camera = Some(camera.to_owned());
+    }
 
     /// A model without a camera is never a reason for a warning.
     fn use_no_camera(&mut self) {}
@@ -127,6 +133,35 @@ impl SceneSource for Model {
     }
 
     fn scene(&mut self, assets: &dyn Assets, frame: f64) -> Result<(Scene, Diagnostics), Diagnostics> {
+        if self.timeline.moves && self.staging.around.is_none() {
+            self.staging.around = self.extent(assets)?;
+        }
+        let (mut scene, mut warnings) = import::load(&self.file, assets, &self.at(frame))?;
+        if !self.set.is_empty() {
+            let more;
+            (scene, more) = set_in_model(scene, &self.file, assets, &self.set)?;
+            warnings.append(more);
+        }
+        let view = scene.views.iter().find(|view| Some(&view.name) == self.camera.as_ref()).or(scene.views.first());
+        let [open, close] = view.map_or([0.0; 2], |view| view.intrinsics.shutter);
+        if self.timeline.moves && open < close {
+            let times = (0..POSES).map(|i| frame + open + (close - open) * i as f64 / (POSES - 1) as f64);
+            let poses = times.map(|time| import::load(&self.file, assets, &self.at(time)).map(|(scene, _)| scene));
+            warnings.append(self.blur(&mut scene, &poses.collect::<Result<Vec<Scene>, _>>()?));
+        }
+        Ok((scene, warnings))
+    }
+}
+
+/// The number of poses while the shutter is open. A model is read for each of them.
+const POSES: usize = 5;
+
+/// The number of moments of a clip at which its extent is measured.
+const MOMENTS: usize = 9;
+
+impl Model {
+    /// The staging of a frame.
+    fn at(&self, frame: f64) -> Staging {
         let mut staging = self.staging.clone();
         if let Some(moment) = &mut staging.moment {
             moment.seconds += frame / self.timeline.fps;
@@ -134,12 +169,82 @@ impl SceneSource for Model {
         if let Some(frames) = staging.turntable {
             staging.turn += 360.0 * frame / f64::from(frames.max(1));
         }
-        let (scene, mut warnings) = import::load(&self.file, assets, &staging)?;
-        if self.set.is_empty() {
-            return Ok((scene, warnings));
+        staging
+    }
+
+    /// The box that the model fills in all frames.
+    fn extent(&self, assets: &dyn Assets) -> Result<Option<[DVec3; 2]>, Diagnostics> {
+        let last = f64::from(self.timeline.frames.map_or(0, |[_, last]| last));
+        let moments = if self.length.is_some() { MOMENTS } else { 1 };
+        let mut around: Option<[DVec3; 2]> = None;
+        for i in 0..moments {
+            let frame = last * i as f64 / (moments - 1).max(1) as f64;
+            if let Some([low, high]) = import::extent(&self.file, assets, &self.at(frame))? {
+                around = Some(around.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]));
+            }
         }
-        let (scene, more) = set_in_model(scene, &self.file, assets, &self.set)?;
-        warnings.append(more);
-        Ok((scene, warnings))
+        Ok(around)
+    }
+
+    /// Gives objects and cameras that move between poses their motion. Meshes that bend have none.
+    fn blur(&self, scene: &mut Scene, poses: &[Scene]) -> Diagnostics {
+        let mut warnings = Diagnostics::new();
+        if poses.iter().any(|pose| pose.nodes.len() != scene.nodes.len() || pose.views.len() != scene.views.len()) {
+            let message = "objects come and go while the shutter is open; they have no motion blur";
+            warnings.push(Diagnostic::warning(&self.file, message));
+            return warnings;
+        }
+        for (i, node) in scene.nodes.iter_mut().enumerate() {
+            let still = node.transform.clone();
+            let motion: Vec<Transform> =
+                poses.iter().map(|pose| pose.nodes[i].transform.after(&still.inverse())).collect();
+            if poses.iter().any(|pose| pose.nodes[i].transform != still) {
+                node.motion = motion.into();
+            }
+        }
+        for (i, view) in scene.views.iter_mut().enumerate() {
+            let motion: Vec<Extrinsics> = poses.iter().map(|pose| pose.views[i].extrinsics).collect();
+            if motion.iter().any(|pose| *pose != view.extrinsics) {
+                view.motion = motion;
+            }
+        }
+        let bends = |(i, mesh): (usize, &Mesh)| {
+            poses.iter().any(|pose| pose.meshes.get(i).is_some_and(|other| other.positions != mesh.positions))
+        };
+        if let Some((_, mesh)) = scene.meshes.iter().enumerate().find(|mesh| bends(*mesh)) {
+            let message = format!("mesh \"{}\" bends while the shutter is open; it has no motion blur", mesh.name);
+            warnings.push(Diagnostic::warning(&self.file, message));
+        }
+        warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assets::MemoryAssets;
+
+    /// A turning model is seen by one camera, from the same floor, and leaves its floor's place.
+    #[test]
+    fn the_camera_of_a_turntable_stays() {
+        let assets = MemoryAssets::new().with("a.obj", "v 3 0 0\nv 5 0 0\nv 5 1 0\nv 3 1 2\nf 1 2 3\nf 1 3 4\n");
+        let staging = Staging { turntable: Some(8), ..Staging::default() };
+        let open = |set: &[String]| open("a.obj", &assets, set, &staging).unwrap();
+        let mut source = open(&[]);
+        let frames: Vec<Scene> = [0.0, 2.0, 5.0].map(|frame| source.scene(&assets, frame).unwrap().0).into();
+        assert!(frames.iter().all(|scene| scene.views == frames[0].views));
+        assert!(frames[1].nodes[0].transform != frames[0].nodes[0].transform);
+        assert!(frames.iter().all(|scene| scene.nodes[0].motion.is_usual()));
+        // The middle of the box is at its place in all frames.
+        let middle = |scene: &Scene| scene.nodes[0].transform.point(DVec3::new(4.0, 0.5, 1.0));
+        assert!(frames.iter().all(|scene| (middle(scene) - middle(&frames[0])).length() < 1e-9));
+        let mut blurred = open(&["camera.shutter=0 0.5".to_owned()]);
+        let (scene, warnings) = blurred.scene(&assets, 2.0).unwrap();
+        assert_eq!((scene.nodes[0].motion.len(), warnings.to_string()), (POSES, String::new()));
+        // The first pose is that of the frame, and the last one is an eighth of an eighth of a turn further.
+        let [first, last] = [0, POSES - 1].map(|pose| scene.nodes[0].motion[pose].vector(DVec3::Z));
+        assert!((first - DVec3::Z).length() < 1e-12, "{first}");
+        assert!((first.angle_between(last).to_degrees() - 22.5).abs() < 1e-9, "{last}");
+        assert!(scene.nodes.last().unwrap().motion.is_usual(), "the floor is at rest");
     }
 }

@@ -51,7 +51,7 @@ use canaletto::material::Material;
 use canaletto::scene::{Content, Fragment, Node, Scene};
 use canaletto::shape::Mesh;
 use formats::{ReadFragment, sorted_extensions};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lines::ImportError;
 use std::io;
 
@@ -83,6 +83,22 @@ pub fn load(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<(Scene
         }
     };
     Ok((scene, warnings))
+}
+
+/// The box that a model fills at the moment of the staging, before its turn. `None` for foreign scenes, and if nothing
+/// has bounds.
+///
+/// # Errors
+/// As [`load`].
+pub(crate) fn extent(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<Option<[DVec3; 2]>, Diagnostics> {
+    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
+    let (moment, variant) = (staging.moment.clone(), staging.variant.clone());
+    let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
+    let (fragment, _) = read(format, &asset, assets, &options)?;
+    Ok(match format.holds {
+        Holds::Objects => staging::extent(fragment, format.up, staging),
+        Holds::Scene => None,
+    })
 }
 
 /// Reads the objects of a model that the file `from` names. They are returned with warnings about parts of the model

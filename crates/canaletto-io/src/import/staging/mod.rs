@@ -65,17 +65,7 @@ const SKY_FLOOR: f64 = 0.4;
 ///
 /// `None` if the model's coordinates are too large to place a camera.
 pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Option<Scene> {
-    if staging.up.unwrap_or(up) == UpAxis::Z {
-        turn_all(&mut model, &Transform::rotate(DVec3::X, -90.0).ok()?);
-    }
-    if staging.turn != 0.0 {
-        let turn = Transform::rotate(DVec3::Y, staging.turn).ok()?;
-        model
-            .nodes
-            .iter_mut()
-            .filter(|node| !matches!(node.content, Content::Light(_)))
-            .for_each(|node| turn_node(node, &turn));
-    }
+    turn_upright(&mut model, up, staging)?;
     if staging.light.is_some() {
         remove_lights(&mut model);
     }
@@ -89,8 +79,17 @@ pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Optio
     if staging.view.is_some() {
         scene.views.clear();
     }
+    let mut around = staging.around;
+    if staging.turn != 0.0 || staging.turntable.is_some() {
+        let still = around.map_or_else(|| framed(&scene, DVec3::Z, DVec3::Y).map(|(_, own)| own), Some)?;
+        turn_about(&mut scene, (still[0] + still[1]) / 2.0, staging.turn)?;
+        around = staging.turntable.and(Some(swept(still)));
+    }
     let [towards, upwards] = staging.view.unwrap_or_default().directions();
-    let (view, [low, high]) = framed(&scene, towards, upwards)?;
+    let (view, [low, high]) = match around {
+        Some(around) => (fit_camera(corners_of(around).map(|p| (p, 0.0)), towards, upwards, FRAMING)?, around),
+        None => framed(&scene, towards, upwards)?,
+    };
     if scene.views.is_empty() {
         scene.views.push(view);
     }
@@ -115,6 +114,44 @@ pub(super) fn stage(mut model: Fragment, up: UpAxis, staging: &Staging) -> Optio
         }
     }
     Some(scene)
+}
+
+/// The box that a model's objects fill before their turn, with y upwards. `None` if nothing has bounds.
+pub(super) fn extent(mut model: Fragment, up: UpAxis, staging: &Staging) -> Option<[DVec3; 2]> {
+    turn_upright(&mut model, up, staging)?;
+    let mut scene = Scene::default();
+    scene.append(model);
+    framed(&scene, DVec3::Z, DVec3::Y).map(|(_, own)| own)
+}
+
+/// Turns a model whose z is upwards.
+fn turn_upright(model: &mut Fragment, up: UpAxis, staging: &Staging) -> Option<()> {
+    if staging.up.unwrap_or(up) == UpAxis::Z {
+        turn_all(model, &Transform::rotate(DVec3::X, -90.0).ok()?);
+    }
+    Some(())
+}
+
+/// Turns objects about a vertical axis, by an angle in degrees. Lights stay.
+fn turn_about(scene: &mut Scene, axis: DVec3, degrees: f64) -> Option<()> {
+    let turn = Transform::rotate(DVec3::Y, degrees).ok()?;
+    let turn = Transform::translate(axis).after(&turn).after(&Transform::translate(-axis));
+    let objects = scene.nodes.iter_mut().filter(|node| !matches!(node.content, Content::Light(_)));
+    objects.for_each(|node| turn_node(node, &turn));
+    Some(())
+}
+
+/// The box around another one at all angles of its turn.
+fn swept([low, high]: [DVec3; 2]) -> [DVec3; 2] {
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let radius = libm::hypot(half.x, half.z);
+    let half = DVec3::new(radius, half.y, radius);
+    [middle - half, middle + half]
+}
+
+/// The corners of a box.
+fn corners_of([low, high]: [DVec3; 2]) -> impl Iterator<Item = DVec3> + Clone {
+    (0..8).map(move |i| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high))
 }
 
 /// Turns all that a model has.

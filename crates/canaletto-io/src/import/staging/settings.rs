@@ -19,6 +19,8 @@ pub struct Staging {
     pub turn: f64,
     /// The number of frames in which the model turns about the vertical once; none for a model that doesn't turn.
     pub turntable: Option<u32>,
+    /// The box that the model fills in all frames before its turn, so that the camera stays; none for its own pose.
+    pub around: Option<[DVec3; 2]>,
     /// The material of objects without one. Without it, one like clay.
     pub material: Option<StandardSurface>,
     /// The background's colour, linear.

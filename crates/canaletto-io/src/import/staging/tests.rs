@@ -199,7 +199,13 @@ fn models_are_turned_and_seen_from_all_sides() {
     // A quarter turn leads the front, +z, to the right, +x; z upwards becomes y.
     let place = |staging: Staging| staged(model(vec![Node::new(Content::Mesh(0))]), staging).nodes[0].transform.clone();
     let turned = place(Staging { turn: 90.0, ..Staging::default() });
-    assert!((turned.point(DVec3::Z) - DVec3::X).length() < 1e-12);
+    assert!((turned.vector(DVec3::Z) - DVec3::X).length() < 1e-12);
+    // It turns about its own middle.
+    let middle = |turn: f64| {
+        let off_center = model(vec![ball().with_transform(&Transform::translate(DVec3::new(9.0, 0.0, 4.0)))]);
+        staged(off_center, Staging { turn, ..Staging::default() }).nodes[0].transform.point(DVec3::ZERO)
+    };
+    assert!((middle(0.0) - middle(120.0)).length() < 1e-9);
     let upright = place(Staging { up: Some(UpAxis::Z), ..Staging::default() });
     assert!((upright.point(DVec3::Z) - DVec3::Y).length() < 1e-12);
 }
