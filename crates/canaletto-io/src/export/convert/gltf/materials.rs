@@ -173,24 +173,34 @@ impl Writer<'_> {
     }
 
     fn normals(&mut self, uses: &[&TextureUse], name: &str, made: &mut Value) {
-        let normal = uses.iter().rev().find_map(|used| match used.target {
-            Target::Normal { strength, down } => Some((*used, strength, down)),
+        let of_base = |target: Target| match target {
+            Target::Normal { strength, down } => Some((strength, down)),
             _ => None,
-        });
-        let Some((used, strength, down)) = normal else { return };
+        };
+        insert(made, "normalTexture", self.normal_texture(uses, name, of_base));
+    }
+
+    /// The last normal map whose strength and direction `of` tells.
+    fn normal_texture(
+        &mut self,
+        uses: &[&TextureUse],
+        name: &str,
+        of: impl Fn(Target) -> Option<(f32, bool)>,
+    ) -> Option<Value> {
+        let mut normals = uses.iter().rev().filter_map(|used| of(used.target).map(|own| (*used, own)));
+        let (used, (strength, down)) = normals.next()?;
         if down {
             self.lost.add("normal maps whose green leans downwards", name);
-            return;
+            return None;
         }
         let [red, green, blue] =
             [Channel::Red, Channel::Green, Channel::Blue].map(|channel| TextureUse { channel, ..*used });
         let channels = [Some(&red), Some(&green), Some(&blue), None];
-        if let Some(mut texture) = self.texture(&Wanted { channels, is_color: false }, name) {
-            if strength != 1.0 {
-                texture["scale"] = json!(strength);
-            }
-            made["normalTexture"] = texture;
+        let mut texture = self.texture(&Wanted { channels, is_color: false }, name)?;
+        if strength != 1.0 {
+            texture["scale"] = json!(strength);
         }
+        Some(texture)
     }
 
     /// The reflection of a dielectric.
@@ -278,6 +288,11 @@ impl Writer<'_> {
             });
             map(self, &mut made, "clearcoatTexture", one(used("coat-weight"), red));
             map(self, &mut made, "clearcoatRoughnessTexture", one(used("coat-roughness"), green));
+            let of_coat = |target: Target| match target {
+                Target::CoatNormal { strength, down } => Some((strength, down)),
+                _ => None,
+            };
+            insert(&mut made, "clearcoatNormalTexture", self.normal_texture(uses, name, of_coat));
             self.extend(extensions, "KHR_materials_clearcoat", made);
             if surface.coat.color != Rgb::WHITE || surface.coat.anisotropy > 0.0 || surface.coat.ior != USUAL_IOR {
                 self.lost.add("colours, indices and stretches of coats", name);

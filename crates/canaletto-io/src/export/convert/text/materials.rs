@@ -15,7 +15,8 @@ impl Writer<'_> {
     /// The line of a material.
     pub(super) fn material(&mut self, index: u32) -> Option<Line> {
         let material = self.scene.materials.get(index as usize)?;
-        let Material { name: _, model, coverage, alpha_cutoff, priority, two_sided, medium, textures } = material;
+        let Material { name: _, model, coverage, alpha_cutoff, priority, two_sided, shadow_catcher, medium, textures } =
+            material;
         let name = self.material_name(index);
         let mut line = Line::named("material", &name);
         line = match model {
@@ -36,6 +37,7 @@ impl Writer<'_> {
             .child_if("coverage", (*coverage != 1.0).then(|| single(*coverage)))
             .child_if("alpha-cutoff", alpha_cutoff.map(single))
             .child_if("priority", (*priority != 0.0).then(|| single(*priority)))
+            .child_if("shadow-catcher", shadow_catcher.then(|| flag(true)))
             .child_if("two-sided", (*two_sided && material.may_emit()).then(|| flag(true)));
         for used in textures {
             let use_line = self.texture_use(used, &name);
@@ -53,8 +55,7 @@ impl Writer<'_> {
         if *target != Target::Parameter(Parameter::Diffuse) {
             line = line.property("use", quoted(target.name()));
         }
-        let takes_number =
-            !target.takes_color() && !matches!(target, Target::Normal { .. } | Target::AnisotropyDirection);
+        let takes_number = !target.takes_color() && !target.takes_normals() && *target != Target::AnisotropyDirection;
         if *channel != plain.channel && takes_number {
             line = line.property("channel", quoted(channel.name()));
         }
@@ -66,7 +67,7 @@ impl Writer<'_> {
             Target::Bump | Target::Displace { .. } if range[0] == 0.0 => {
                 line = line.property("height", single(range[1]));
             }
-            Target::Normal { strength, down } => {
+            Target::Normal { strength, down } | Target::CoatNormal { strength, down } => {
                 line = line.property_if("strength", (*strength != 1.0).then(|| single(*strength)));
                 line = line.property_if("y", down.then(|| quoted("down")));
             }
