@@ -144,15 +144,16 @@ fn read(format: &ModelFormat, asset: &OpenAsset, assets: &dyn Assets, options: &
     if let Some((what, _)) = lacks.iter().find(|(_, is_asked)| *is_asked && format.duration.is_none()) {
         return Err(Diagnostic::error(asset.path.name(), format!("{} has no {what}", format.name)).into());
     }
-    let (fragment, warnings) = (format.read)(asset, assets, options)?;
+    let (fragment, mut told) = (format.read)(asset, assets, options)?;
     let has_size = |node: &Node| !matches!(node.content, Content::Mesh(_) | Content::Light(_));
     let is_seen = || fragment.meshes.iter().any(has_area) || fragment.nodes.iter().any(has_size);
     if format.holds == Holds::Scene || is_seen() {
-        return Ok((fragment, warnings));
+        return Ok((fragment, told));
     }
     let count: usize = fragment.meshes.iter().map(Mesh::len).sum();
     let wrong = format!("nothing in it has an area: {count} triangles, whose corners lie on a line or at one place");
-    Err(ImportError::file(wrong).error(asset.path.name()).into())
+    told.push(ImportError::file(wrong).error(asset.path.name()));
+    Err(told)
 }
 
 /// The fragment of these meshes: a node for each, with its name.

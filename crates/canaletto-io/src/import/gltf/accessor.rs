@@ -164,6 +164,28 @@ impl<'a> Accessors<'a> {
         self.read(index, N, |component, _, bytes| component.whole(bytes), 0)
     }
 
+    /// All numbers of an accessor, element after element, as they stand in the file: integers aren't normalized.
+    pub(super) fn stored(&self, index: Index) -> Result<Vec<f64>, Fault> {
+        let info = self.info(index)?;
+        let place = || format!("/accessors/{index}");
+        let elements = self.elements(index, info).map_err(|fault| fault.at_if_relative(&place()))?;
+        let is_packed = elements.columns == 1 || elements.column == elements.component.size() * elements.rows;
+        if let Some(bytes) = elements.bytes.filter(|_| is_packed && info.sparse.is_none()) {
+            return Ok(elements.spread(bytes));
+        }
+        let exact = |component: Component, _, bytes: &[u8]| {
+            Some(component.whole(bytes).map_or_else(|| component.number(bytes, false).into(), f64::from))
+        };
+        Ok(match elements.columns * elements.rows {
+            1 => self.read::<1, f64>(index, 1, exact, 0.0)?.into_flattened(),
+            2 => self.read::<2, f64>(index, 2, exact, 0.0)?.into_flattened(),
+            3 => self.read::<3, f64>(index, 3, exact, 0.0)?.into_flattened(),
+            4 => self.read::<4, f64>(index, 4, exact, 0.0)?.into_flattened(),
+            9 => self.read::<9, f64>(index, 9, exact, 0.0)?.into_flattened(),
+            _ => self.read::<16, f64>(index, 16, exact, 0.0)?.into_flattened(),
+        })
+    }
+
     fn read<const N: usize, T: Copy>(
         &self,
         index: Index,
@@ -228,7 +250,7 @@ impl<'a> Accessors<'a> {
             return Ok(elements);
         };
         let ViewBytes { bytes, stride } = self.buffers.view(view)?;
-        let stride = stride.unwrap_or(size);
+        let stride = stride.unwrap_or(column * columns);
         if stride < size {
             let message =
                 format!("its elements of {size} bytes don't fit the byteStride {stride} of buffer view {view}");
@@ -262,8 +284,8 @@ impl<'a> Accessors<'a> {
             .map_err(|fault| fault.at("/sparse/indices"))?;
         let values = self.buffers.view(sparse.values.buffer_view)?.bytes;
         // Sparse values are tightly packed.
-        let stride = elements.size;
-        let values = within(values, sparse.values.byte_offset, stride, stride, sparse.count)
+        let stride = elements.column * elements.columns;
+        let values = within(values, sparse.values.byte_offset, stride, elements.size, sparse.count)
             .map_err(|fault| fault.at("/sparse/values"))?;
         let count = all.len();
         for i in 0..sparse.count {
@@ -290,6 +312,30 @@ impl<'a> Elements<'a> {
         let size = component.size() * width;
         let (columns, rows, column, stride, count) = (1, width, size, size, bytes.len() / size);
         Elements { info, component, columns, rows, column, size, stride, count, normalized, bytes: Some(bytes) }
+    }
+
+    /// All numbers of elements without a gap inside.
+    fn spread(&self, bytes: &[u8]) -> Vec<f64> {
+        match self.component {
+            Component::I8 => self.all(bytes, |[b]: [u8; 1]| f64::from(b as i8)),
+            Component::U8 => self.all(bytes, |[b]: [u8; 1]| f64::from(b)),
+            Component::I16 => self.all(bytes, |b| f64::from(i16::from_le_bytes(b))),
+            Component::U16 => self.all(bytes, |b| f64::from(u16::from_le_bytes(b))),
+            Component::U32 => self.all(bytes, |b| f64::from(u32::from_le_bytes(b))),
+            Component::F32 => self.all(bytes, |b| f64::from(f32::from_le_bytes(b))),
+        }
+    }
+
+    fn all<const S: usize>(&self, bytes: &[u8], number: impl Fn([u8; S]) -> f64) -> Vec<f64> {
+        let mut all = Vec::with_capacity(self.count.saturating_mul(self.columns * self.rows));
+        let spread = |bytes: &[u8], all: &mut Vec<f64>| all.extend(bytes.as_chunks().0.iter().map(|b| number(*b)));
+        match self.stride == self.size {
+            true => spread(bytes, &mut all),
+            false => bytes.chunks(self.stride).for_each(|element| {
+                spread(&element[..self.size.min(element.len())], &mut all);
+            }),
+        }
+        all
     }
 
     /// The element at the start of `bytes`.

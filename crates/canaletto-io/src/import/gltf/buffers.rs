@@ -3,7 +3,7 @@
 use super::fault::{Fault, named};
 use super::meshopt;
 use super::schema::{CompressedView, Document, Index};
-use crate::assets::{AssetPath, Assets};
+use crate::assets::{AssetPath, Assets, reason};
 use crate::import::draco;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -24,6 +24,8 @@ pub(super) struct Buffers<'a> {
     meshes: Vec<OnceCell<Result<draco::Mesh, Fault>>>,
     /// The elements without bytes so far.
     pub(super) zeros: Cell<usize>,
+    /// The number of bytes that were read or decoded so far.
+    size: Cell<usize>,
 }
 
 /// The files beside a document.
@@ -46,7 +48,17 @@ impl<'a> Buffers<'a> {
         let decoded = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
         let decoded_sizes = document.buffers.iter().map(|_| Cell::new(0)).collect();
         let meshes = document.buffer_views.iter().map(|_| OnceCell::new()).collect();
-        Buffers { document, binary_chunk, files, buffers, decoded, decoded_sizes, meshes, zeros: Cell::new(0) }
+        Buffers {
+            document,
+            binary_chunk,
+            files,
+            buffers,
+            decoded,
+            decoded_sizes,
+            meshes,
+            zeros: Cell::new(0),
+            size: Cell::new(0),
+        }
     }
 
     pub(super) fn files(&self) -> Files<'a> {
@@ -98,7 +110,7 @@ impl<'a> Buffers<'a> {
                 format!("is {count}: the compressed views of buffer {index} have more than its bytes can hold");
             return Err(Fault::new(message).at("/count"));
         }
-        meshopt::decode(view, bytes)
+        meshopt::decode(view, bytes).inspect(|bytes| self.count(bytes.len()))
     }
 
     /// The mesh that a buffer view holds, compressed by Draco.
@@ -107,7 +119,8 @@ impl<'a> Buffers<'a> {
         let mesh = self.meshes[index as usize].get_or_init(|| {
             // Views that share bytes would fill the memory out of a small file.
             let most = draco::most_numbers(self.bytes_read()).saturating_sub(self.bytes_of_meshes() / 4);
-            draco::decode(bytes, most).map_err(|why| {
+            let mesh = draco::decode(bytes, most).inspect(|mesh| self.count(mesh.bytes()));
+            mesh.map_err(|why| {
                 let message = format!("its {} compressed bytes can't be decoded: {why}", bytes.len());
                 Fault::new(message).help("the file may be damaged").at(format!("/bufferViews/{index}"))
             })
@@ -127,8 +140,34 @@ impl<'a> Buffers<'a> {
 
     /// The number of bytes that were read or decoded so far.
     pub(super) fn size(&self) -> usize {
-        let decoded = self.decoded.iter().filter_map(|cell| cell.get()?.as_ref().ok()).map(|bytes| bytes.len());
-        decoded.fold(self.bytes_read().saturating_add(self.bytes_of_meshes()), usize::saturating_add)
+        self.size.get()
+    }
+
+    fn count(&self, bytes: usize) {
+        self.size.set(self.size.get().saturating_add(bytes));
+    }
+
+    /// Checks that the bytes of a buffer are there.
+    pub(super) fn check(&self, index: usize) -> Result<(), Fault> {
+        self.buffer(index as Index).map(|_| ())
+    }
+
+    /// Whether a buffer view has bytes at all, read or not.
+    pub(super) fn has_bytes(&self, index: Index) -> bool {
+        let view = self.document.buffer_views.get(index as usize);
+        let buffer = view.map(|view| view.extensions.compressed().map_or(view.buffer, |(view, _)| view.buffer));
+        let uri = buffer.and_then(|buffer| Some((buffer, &self.document.buffers.get(buffer as usize)?.uri)));
+        uri.is_some_and(|(buffer, uri)| uri.is_some() || buffer == 0 && self.binary_chunk.is_some())
+    }
+
+    /// The first bytes of a buffer view that isn't compressed, and whether they are all; none if it has no bytes.
+    pub(super) fn start(&self, index: usize) -> Option<Result<(Vec<u8>, bool), Fault>> {
+        let view = self.document.buffer_views.get(index)?;
+        if view.extensions.compressed().is_some() || !self.has_bytes(index as Index) {
+            return None;
+        }
+        let bytes = self.view(index as Index).map(|view| view.bytes);
+        Some(bytes.map(|bytes| (bytes[..bytes.len().min(STARTS)].to_vec(), bytes.len() <= STARTS)))
     }
 
     fn buffer(&self, index: Index) -> Result<&[u8], Fault> {
@@ -136,7 +175,10 @@ impl<'a> Buffers<'a> {
             .buffers
             .get(index as usize)
             .ok_or_else(|| Fault::missing("buffer", index, self.document.buffers.len()))?;
-        let read = cell.get_or_init(|| self.read(index).map_err(|fault| fault.at(format!("/buffers/{index}"))));
+        let read = cell.get_or_init(|| {
+            let read = self.read(index).inspect(|bytes| self.count(bytes.len()));
+            read.map_err(|fault| fault.at(format!("/buffers/{index}")))
+        });
         read.as_deref().map_err(Clone::clone)
     }
 
@@ -176,6 +218,27 @@ impl Files<'_> {
         }
     }
 
+    /// The first bytes of what a URI names, and whether they are all.
+    pub(super) fn start(&self, uri: &str) -> Result<(Vec<u8>, bool), Fault> {
+        // Four characters of Base64 are three bytes.
+        const CHARACTERS: usize = STARTS / 3 * 4;
+        if let Some((header, text)) = uri.split_once(',').filter(|_| is_data(uri)) {
+            let is_all = text.len() <= CHARACTERS;
+            let short = text.get(..CHARACTERS).filter(|_| !is_all && header.ends_with("base64"));
+            let bytes = short.map_or_else(|| self.bytes(uri), |text| self.bytes(&format!("{header},{text}")));
+            return bytes.map(|bytes| (bytes.into_owned(), short.is_none()));
+        }
+        if is_data(uri) {
+            return self.bytes(uri).map(|bytes| (bytes.into_owned(), true));
+        }
+        let path = file_name(uri)?;
+        let file = self.assets.open(&path, self.from).map_err(|error| Fault::of(&error, error.help()))?;
+        let (view, mut buffer) = (file.content.view(), Vec::new());
+        let bytes = view.piece(0..STARTS, &mut buffer).map(<[u8]>::to_vec);
+        let bytes = bytes.map_err(|error| Fault::new(format!("it can't be read: {}", reason(&error))))?;
+        Ok((bytes, view.size() <= STARTS))
+    }
+
     /// The file that a URI names.
     pub(super) fn file(&self, uri: &str) -> Result<crate::assets::Asset, Fault> {
         let path = file_name(uri)?;
@@ -197,6 +260,13 @@ fn file_name(uri: &str) -> Result<String, Fault> {
     }
     percent_decoded(uri)
         .ok_or_else(|| Fault::new(format!("{:?} has a percent sign that no character follows", shortened(uri))))
+}
+
+/// How many first bytes of a picture tell its format.
+const STARTS: usize = 96;
+
+fn is_data(uri: &str) -> bool {
+    uri.get(..5).is_some_and(|start| start.eq_ignore_ascii_case("data:"))
 }
 
 fn shortened(uri: &str) -> String {
@@ -228,8 +298,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 
 /// The bytes of a data URI (RFC 2397); none if it isn't one.
 fn data(uri: &str) -> Option<Result<Vec<u8>, Fault>> {
-    let start = uri.get(..5)?;
-    if !start.eq_ignore_ascii_case("data:") {
+    if !is_data(uri) {
         return None;
     }
     let damaged = |why: &str| Fault::new(format!("the data URI is damaged: {why}"));

@@ -8,21 +8,31 @@ const MAGIC: &[u8; 4] = b"glTF";
 const JSON: u32 = 0x4E4F_534A;
 const BIN: u32 = 0x004E_4942;
 
-/// A file: its document, the text of that, and the bytes of the binary chunk, if there is one.
+/// A file: the text of its document, and the bytes of the binary chunk, if there is one.
 pub(super) struct Container<'a> {
-    pub(super) document: Document,
     pub(super) json: &'a str,
     pub(super) binary_chunk: Option<&'a [u8]>,
+    /// Whether the file is GLB.
+    pub(super) is_binary: bool,
 }
 
-/// Opens a file.
+/// Opens a file: its chunks, if it has some.
 pub(super) fn open<'a>(bytes: &'a [u8], warnings: &mut Vec<Fault>) -> Result<Container<'a>, Fault> {
-    let (json, bin) = if bytes.starts_with(MAGIC) { chunks(bytes, warnings)? } else { (bytes, None) };
-    let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
-    let json = std::str::from_utf8(json).map_err(|e| {
+    let is_binary = bytes.starts_with(MAGIC);
+    let (json, binary_chunk) = if is_binary { chunks(bytes, warnings)? } else { (bytes, None) };
+    let mark = json.strip_prefix(b"\xEF\xBB\xBF");
+    if mark.is_some() {
+        warnings.push(Fault::new("the JSON begins with a byte order mark, which it must not have"));
+    }
+    let json = std::str::from_utf8(mark.unwrap_or(json)).map_err(|e| {
         Fault::new(format!("the JSON isn't UTF-8: byte {} can't be read", e.valid_up_to()))
             .help("a binary glTF starts with the letters glTF; this may be another format")
     })?;
+    Ok(Container { json, binary_chunk, is_binary })
+}
+
+/// Reads the document of a text.
+pub(super) fn document(json: &str) -> Result<Document, Fault> {
     let mut reader = serde_json::Deserializer::from_str(json);
     let document: Document = match serde_path_to_error::deserialize(&mut reader) {
         Ok(document) => {
@@ -32,7 +42,7 @@ pub(super) fn open<'a>(bytes: &'a [u8], warnings: &mut Vec<Fault>) -> Result<Con
         Err(error) => with_whole_numbers(json).ok_or_else(|| Fault::of_json(&error))?,
     };
     check_version(&document)?;
-    Ok(Container { document, json, binary_chunk: bin })
+    Ok(document)
 }
 
 /// The document of a text whose whole numbers are written as `1.0`, which JSON allows.
@@ -76,7 +86,7 @@ fn chunks<'a>(bytes: &'a [u8], warnings: &mut Vec<Fault>) -> Result<(&'a [u8], O
         warnings.push(Fault::new(message));
     }
     let bytes = &bytes[..length];
-    let mut at = 12;
+    let (mut at, mut number) = (12, 0);
     let (mut json, mut bin) = (None, None);
     while at < bytes.len() {
         let (size, kind) = word(bytes, at).zip(word(bytes, at + 4)).ok_or_else(cut_off)?;
@@ -86,15 +96,25 @@ fn chunks<'a>(bytes: &'a [u8], warnings: &mut Vec<Fault>) -> Result<(&'a [u8], O
         })?;
         match kind {
             JSON if json.is_none() => json = Some(chunk),
-            BIN if json.is_some() && bin.is_none() => bin = Some(chunk),
+            BIN if json.is_some() && bin.is_none() => {
+                if number != 1 {
+                    warnings.push(Fault::new(format!("the binary chunk at byte {at} isn't the second chunk")));
+                }
+                bin = Some(chunk);
+            }
             JSON => return Err(Fault::new(format!("the chunk at byte {at} is a second JSON chunk"))),
             BIN => return Err(Fault::new(format!("the binary chunk at byte {at} isn't the second chunk"))),
             // Chunks of other kinds may follow and are skipped.
             _ if json.is_some() => {}
             _ => return Err(Fault::new("its first chunk isn't JSON")),
         }
+        if size % 4 != 0 {
+            let message = format!("the chunk at byte {at} has {size} bytes; it must have a multiple of 4");
+            warnings.push(Fault::new(message));
+        }
         // A size that isn't a multiple of 4 is padded by some programs all the same.
         at += 8 + (size as usize);
+        number += 1;
     }
     json.map(|json| (json, bin)).ok_or_else(|| Fault::new("it has no JSON chunk"))
 }

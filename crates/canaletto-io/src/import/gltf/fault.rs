@@ -48,7 +48,18 @@ impl Fault {
 
     /// Puts the fault below a place, unless its own is that of another list of the document.
     pub(super) fn at_if_relative(self, place: &str) -> Fault {
-        const LISTS: [&str; 3] = ["/bufferViews/", "/buffers/", "/accessors/"];
+        const LISTS: [&str; 10] = [
+            "/accessors/",
+            "/bufferViews/",
+            "/buffers/",
+            "/cameras/",
+            "/extensions/KHR_lights_punctual/lights/",
+            "/images/",
+            "/materials/",
+            "/meshes/",
+            "/skins/",
+            "/textures/",
+        ];
         if LISTS.iter().any(|list| self.pointer.starts_with(list)) { self } else { self.at(place) }
     }
 
@@ -65,6 +76,11 @@ impl Fault {
             _ => inner.to_string(),
         };
         Fault::new(message).at(pointer(error.path()))
+    }
+
+    /// The place as a JSON pointer; empty for the whole file.
+    pub(super) fn pointer(&self) -> &str {
+        &self.pointer
     }
 
     fn text(&self) -> String {

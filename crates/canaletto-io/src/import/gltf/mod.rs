@@ -4,7 +4,7 @@
 //! where they are compressed, and [`accessor`] checks them once. Compressed primitives have a stream in place of some
 //! accessors ([`draco`]). [`animation`] changes the document to that of a moment. [`primitive`] makes meshes, and
 //! clouds of points and lines, in the pose that [`deform`] gives. [`material`] maps materials to the standard surface,
-//! [`scene`] places all.
+//! [`scene`] places all. [`rules`] warns of what breaks the specification.
 //!
 //! Coordinates are glTF's: y is up, +z is the front, lengths are in metres, colours linear. Lights in candela and lux
 //! keep their numbers: 1 lux on a white matte surface is the radiance 1/π.
@@ -20,6 +20,7 @@ mod fault;
 mod material;
 mod meshopt;
 mod primitive;
+mod rules;
 mod scene;
 mod schema;
 mod tangents;
@@ -36,6 +37,7 @@ use canaletto::scene::Fragment;
 use container::Container;
 use fault::Fault;
 use material::Materials;
+use rules::Rules;
 use scene::SceneReader;
 use schema::Document;
 use texture::Textures;
@@ -57,9 +59,9 @@ fn read_model(asset: &OpenAsset, assets: &dyn Assets, options: &ReadOptions) -> 
     let file = asset.path.name();
     let bytes = asset.content.view().whole().map_err(|e| unreadable(&e).error(file))?;
     let mut warnings = Vec::new();
-    let fragment = read(&bytes, Files { assets, from: &asset.path }, options, &mut warnings);
+    let (fragment, unsaid) = read(&bytes, Files { assets, from: &asset.path }, options, &mut warnings);
     let mut told = Diagnostics::new();
-    let more = warnings.len().saturating_sub(MAX_TOLD);
+    let more = warnings.len().saturating_sub(MAX_TOLD) + unsaid;
     warnings.into_iter().take(MAX_TOLD).for_each(|fault| told.push(fault.warning(file)));
     if more > 0 {
         told.push(Diagnostic::warning(file, format!("there are {more} more warnings about it")));
@@ -83,7 +85,8 @@ fn duration(asset: &OpenAsset, assets: &dyn Assets, name: Option<&str>) -> Resul
     let file = asset.path.name();
     let bytes = asset.content.view().whole().map_err(|e| unreadable(&e).error(file))?;
     let read = || {
-        let Container { document, binary_chunk, .. } = container::open(&bytes, &mut Vec::new())?;
+        let Container { json, binary_chunk, .. } = container::open(&bytes, &mut Vec::new())?;
+        let document = container::document(json)?;
         if document.animations.is_empty() && name.is_none() {
             return Ok(None);
         }
@@ -94,13 +97,43 @@ fn duration(asset: &OpenAsset, assets: &dyn Assets, name: Option<&str>) -> Resul
     read().map_err(|fault: Fault| fault.error(file).into())
 }
 
-fn read(bytes: &[u8], files: Files, options: &ReadOptions, warnings: &mut Vec<Fault>) -> Result<Fragment, Fault> {
-    let Container { mut document, json, binary_chunk } = container::open(bytes, warnings)?;
+/// Reads a file. Rules of the specification that it breaks are said last; the number of those that aren't said is
+/// returned.
+fn read(
+    bytes: &[u8],
+    files: Files,
+    options: &ReadOptions,
+    warnings: &mut Vec<Fault>,
+) -> (Result<Fragment, Fault>, usize) {
+    let container = match container::open(bytes, warnings) {
+        Ok(container) => container,
+        Err(fault) => return (Err(fault), 0),
+    };
+    // The frames of a film say nothing that the file itself doesn't say.
+    let json = if options.moment.is_none() { serde_json::from_str(container.json).ok() } else { None };
+    let mut rules = json.as_ref().map(Rules::of_json);
+    let fragment = read_document(&container, files, options, rules.as_mut(), warnings);
+    let unsaid = rules.map_or(0, |rules| rules.append_to(warnings, fragment.as_ref().err()));
+    (fragment, unsaid)
+}
+
+fn read_document(
+    container: &Container,
+    files: Files,
+    options: &ReadOptions,
+    rules: Option<&mut Rules>,
+    warnings: &mut Vec<Fault>,
+) -> Result<Fragment, Fault> {
+    let Container { json, binary_chunk, is_binary } = *container;
+    let mut document = container::document(json)?;
     extensions::check(&document, warnings)?;
     if let Some(moment) = &options.moment {
         document = at_moment(&document, json, moment, (binary_chunk, files), warnings)?;
     }
     let buffers = Buffers::new(&document, binary_chunk, files);
+    if let Some(rules) = rules {
+        rules.check_data(&Accessors::new(&document, &buffers), is_binary);
+    }
     let accessors = Accessors::new(&document, &buffers);
     let materials = Materials::new(&document, Textures::new(&document, &buffers));
     let variant = variant(&document, options.variant.as_deref())?;
@@ -120,9 +153,10 @@ fn read(bytes: &[u8], files: Files, options: &ReadOptions, warnings: &mut Vec<Fa
 /// The pictures that a file holds itself, in buffers and data URIs: their names and bytes. What can't be read is left
 /// out.
 pub(crate) fn pictures_in_gltf(bytes: &[u8], assets: &dyn Assets, from: &AssetPath) -> Vec<(String, Vec<u8>)> {
-    let Ok(Container { document, binary_chunk, .. }) = container::open(bytes, &mut Vec::new()) else {
+    let Ok(Container { json, binary_chunk, .. }) = container::open(bytes, &mut Vec::new()) else {
         return Vec::new();
     };
+    let Ok(document) = container::document(json) else { return Vec::new() };
     let buffers = Buffers::new(&document, binary_chunk, Files { assets, from });
     let textures = Textures::new(&document, &buffers);
     let held = |index: usize| document.images[index].uri.as_ref().is_none_or(|uri| uri.starts_with("data:"));
