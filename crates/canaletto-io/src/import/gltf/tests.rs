@@ -790,13 +790,15 @@ fn compressed_cube(stream: &[u8]) -> Model {
         |count: u32, component: u32, kind: &str| json!({ "count": count, "componentType": component, "type": kind });
     let draco = json!({ "bufferView": view, "attributes": { "POSITION": 0, "NORMAL": 1 } });
     model.set(json!({
-        "extensionsRequired": [DRACO],
+        "extensionsUsed": [DRACO], "extensionsRequired": [DRACO],
         "accessors": [accessor(24, 5126, "VEC3"), accessor(24, 5126, "VEC3"), accessor(36, 5123, "SCALAR")],
         "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
         "meshes": [{ "primitives": [{
             "attributes": { "POSITION": 0, "NORMAL": 1 }, "indices": 2, "extensions": { DRACO: draco },
         }] }],
     }));
+    let bounds = json!({ "min": [-0.5, -0.5, -0.5], "max": [0.5, 0.5, 0.5] });
+    merge(&mut model.json["accessors"][0], bounds);
     model
 }
 
