@@ -110,7 +110,10 @@ fn read(
         Err(fault) => return (Err(fault), 0),
     };
     // The frames of a film say nothing that the file itself doesn't say.
-    let json = if options.moment.is_none() { serde_json::from_str(container.json).ok() } else { None };
+    let json: Option<rules::Value> = match options.moment {
+        Some(_) => None,
+        None => serde_json::from_str(container.json).ok(),
+    };
     let mut rules = json.as_ref().map(Rules::of_json);
     let fragment = read_document(&container, files, options, rules.as_mut(), warnings);
     let unsaid = rules.map_or(0, |rules| rules.append_to(warnings, fragment.as_ref().err()));

@@ -2,10 +2,9 @@
 //! 3.6.2).
 
 use super::broken::Broken;
-use super::json::{list, named, whole};
+use super::json::{Value, list, named, whole};
 use super::place::Place;
 use super::views::{Use, Uses};
-use serde_json::Value;
 use std::fmt;
 
 /// The type of an accessor's elements.
@@ -17,11 +16,11 @@ pub(super) struct Format<'a> {
 }
 
 impl<'a> Format<'a> {
-    pub(super) fn of(accessor: &'a Value) -> Format<'a> {
+    pub(super) fn of(accessor: &'a Value<'a>) -> Format<'a> {
         Format {
             kind: accessor.get("type").and_then(Value::as_str).unwrap_or_default(),
             component: component(accessor.get("componentType")),
-            is_normalized: accessor.get("normalized").and_then(Value::as_bool).unwrap_or(false),
+            is_normalized: accessor.get("normalized").is_some_and(|value| *value == Value::Bool(true)),
         }
     }
 
@@ -132,7 +131,7 @@ pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
             broken.tell(&place.key("normalized"), message);
         }
         for name in ["min", "max"] {
-            let count = accessor.get(name).and_then(Value::as_array).map(Vec::len);
+            let count = accessor.get(name).and_then(Value::as_list).map(<[Value]>::len);
             if let Some(count) = count.filter(|count| *count != format.width() && *count > 0) {
                 let message = format!("it has {count} numbers, but its elements have {}", format.width());
                 broken.tell(&place.key(name), message);

@@ -2,11 +2,10 @@
 
 use super::accessors::{Format, has_stride};
 use super::broken::Broken;
-use super::json::{list, named, whole};
+use super::json::{Value, list, named, whole};
 use super::place::Place;
 use super::views::{Use, Uses};
 use crate::import::gltf::fault::Fault;
-use serde_json::Value;
 use std::collections::HashMap;
 
 pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
@@ -65,7 +64,7 @@ fn input(json: &Value, sampler: &Value, place: &Place, uses: &mut Uses, broken: 
 
 /// Whether the keys of a sampler have tangents.
 pub(super) fn is_cubic(sampler: &Value) -> bool {
-    sampler.get("interpolation").is_some_and(|word| word == "CUBICSPLINE")
+    sampler.get("interpolation").is_some_and(|word| word.as_str() == Some("CUBICSPLINE"))
 }
 
 /// Checks a channel's target, and that its sampler's numbers are those of the target.

@@ -2,10 +2,9 @@
 
 use super::broken::Broken;
 use super::form::short;
-use super::json::list;
+use super::json::{Value, list};
 use super::place::Place;
 use crate::import::gltf::buffers::Buffers;
-use serde_json::Value;
 
 pub(super) fn check(json: &Value, buffers: &Buffers, is_binary: bool, broken: &mut Broken) {
     const TYPES: [&str; 2] = ["application/octet-stream", "application/gltf-buffer"];

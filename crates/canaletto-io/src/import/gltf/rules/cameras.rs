@@ -1,9 +1,8 @@
 //! Cameras (glTF 2.0, 3.10.3).
 
 use super::broken::Broken;
-use super::json::list;
+use super::json::{Value, list};
 use super::place::Place;
-use serde_json::Value;
 
 pub(super) fn check(json: &Value, broken: &mut Broken) {
     let cameras = Place::Root.key("cameras");

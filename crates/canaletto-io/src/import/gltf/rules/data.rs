@@ -3,12 +3,11 @@
 use super::accessors::Format;
 use super::animations::is_cubic;
 use super::broken::Broken;
-use super::json::{list, numbers, whole};
+use super::json::{Value, list, numbers, whole};
 use super::place::Place;
 use crate::import::gltf::accessor::Accessors;
 use crate::import::gltf::fault::Fault;
 use crate::import::gltf::schema::Index;
-use serde_json::Value;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The most numbers that are checked. What follows in larger files isn't: the check would take a part of the time of
@@ -160,8 +159,8 @@ fn roles(json: &Value) -> Roles {
                 add(primitive.get("indices"), Role::Indices(count), &place.key("indices"));
             }
             let own = place.key("attributes");
-            for (name, index) in attributes {
-                let role = match name.as_str() {
+            for (name, index) in attributes.iter() {
+                let role = match name {
                     "NORMAL" => Some(Role::Normals),
                     "TANGENT" => Some(Role::Tangents),
                     _ if name.starts_with("COLOR_") => Some(Role::Colors),
@@ -188,8 +187,9 @@ fn roles(json: &Value) -> Roles {
         }
         let lists = place.key("channels");
         for (k, channel) in list(animation, "channels").iter().enumerate() {
-            let is_turn =
-                channel.get("target").is_some_and(|target| target.get("path").is_some_and(|p| p == "rotation"));
+            let is_turn = channel
+                .get("target")
+                .is_some_and(|target| target.get("path").is_some_and(|p| p.as_str() == Some("rotation")));
             let sampler = whole(channel.get("sampler")).and_then(|index| samplers.get(index));
             if let Some(sampler) = sampler.filter(|_| is_turn) {
                 let role = Role::Rotations { is_cubic: is_cubic(sampler) };
@@ -292,7 +292,7 @@ fn weights(json: &Value, reader: &mut Reader, broken: &mut Broken) {
         for (k, primitive) in list(mesh, "primitives").iter().enumerate() {
             let Some(attributes) = primitive.get("attributes") else { continue };
             let of = |word: &str| -> Vec<usize> {
-                (0..).map_while(|set| whole(attributes.get(format!("{word}_{set}")))).collect()
+                (0..).map_while(|set| whole(attributes.get(&format!("{word}_{set}")))).collect()
             };
             let sets: Vec<(usize, usize)> = of("JOINTS").into_iter().zip(of("WEIGHTS")).collect();
             if sets.is_empty() || !known.insert(sets.clone()) {

@@ -2,9 +2,8 @@
 
 use super::broken::Broken;
 use super::form::short;
-use super::json::list;
+use super::json::{Value, list};
 use super::place::Place;
-use serde_json::Value;
 use std::collections::HashSet;
 
 pub(super) fn check(json: &Value, broken: &mut Broken) {
@@ -27,16 +26,18 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn value(&mut self, value: &'a Value, place: &Place, broken: &mut Broken) {
+    fn value(&mut self, value: &'a Value<'a>, place: &Place, broken: &mut Broken) {
         match value {
-            Value::Array(list) => {
-                for (i, item) in list.iter().enumerate().filter(|(_, item)| item.is_object() || item.is_array()) {
+            Value::List(list) => {
+                for (i, item) in
+                    list.iter().enumerate().filter(|(_, item)| item.is_object() || item.as_list().is_some())
+                {
                     self.value(item, &place.item(i), broken);
                 }
             }
             Value::Object(object) => {
-                for (name, value) in object {
-                    match name.as_str() {
+                for (name, value) in object.iter() {
+                    match name {
                         "extras" => {}
                         "extensions" => self.extensions(value, &place.key(name), broken),
                         _ => self.value(value, &place.key(name), broken),
@@ -47,16 +48,16 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn extensions(&mut self, value: &'a Value, place: &Place, broken: &mut Broken) {
+    fn extensions(&mut self, value: &'a Value<'a>, place: &Place, broken: &mut Broken) {
         let Some(object) = value.as_object() else {
             return broken.tell(place, "it must be an object of extensions");
         };
-        for (name, extension) in object {
+        for (name, extension) in object.iter() {
             let place = place.key(name);
             if !extension.is_object() {
                 broken.tell(&place, "it must be an object");
             }
-            if !self.used.contains(name.as_str()) && self.told.insert(name) {
+            if !self.used.contains(name) && self.told.insert(name) {
                 broken.tell(&place, "it isn't in extensionsUsed; it must be there, too");
             }
             self.value(extension, &place, broken);

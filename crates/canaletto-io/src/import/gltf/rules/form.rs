@@ -1,11 +1,10 @@
 //! The form of the JSON: what must be there, of which type, in which range, and what indices name.
 
 use super::broken::Broken;
-use super::json::{list, whole};
+use super::json::{Value, list, whole};
 use super::place::Place;
 use super::properties::{Kind, Property, ROOT, TEXTURE_INFO};
 use crate::import::gltf::fault::Fault;
-use serde_json::Value;
 use std::collections::HashSet;
 
 /// Checks the whole document.
@@ -20,14 +19,14 @@ pub(super) fn check(json: &Value, broken: &mut Broken) {
 
 /// The document that indices refer to.
 struct Form<'a> {
-    json: &'a Value,
+    json: &'a Value<'a>,
 }
 
 impl Form<'_> {
     fn object(&self, value: &Value, properties: &[Property], place: &Place, broken: &mut Broken) {
         let Some(object) = value.as_object() else { return wrong_type(value, "an object", place, broken) };
         for Property(name, is_required, kind) in properties {
-            match object.get(*name) {
+            match object.get(name) {
                 Some(value) => self.property(value, kind, &place.key(name), broken),
                 None if *is_required => broken.tell(place, format!("its {name} is missing")),
                 None => {}
@@ -38,7 +37,7 @@ impl Form<'_> {
     fn property(&self, value: &Value, kind: &Kind, place: &Place, broken: &mut Broken) {
         match kind {
             Kind::Text => {
-                if !value.is_string() {
+                if value.as_str().is_none() {
                     wrong_type(value, "a text", place, broken);
                 }
             }
@@ -78,7 +77,7 @@ impl Form<'_> {
                 for (i, item) in items.iter().enumerate() {
                     self.index(item, of, &place.item(i), broken);
                     if !whole(Some(item)).is_none_or(|index| seen.insert(index)) {
-                        broken.tell(&place.item(i), format!("{item} is listed twice"));
+                        broken.tell(&place.item(i), format!("{} is listed twice", whole(Some(item)).unwrap_or(0)));
                     }
                 }
             }
@@ -113,7 +112,7 @@ impl Form<'_> {
         if object.is_empty() {
             broken.tell(place, "is empty; it must have an attribute");
         }
-        for (name, index) in object {
+        for (name, index) in object.iter() {
             self.index(index, "accessors", &place.key(name), broken);
         }
     }
@@ -133,9 +132,9 @@ impl Form<'_> {
     /// The textures of a material's extensions, whose names end in the same word.
     fn extension_textures(&self, material: &Value, place: &Place, broken: &mut Broken) {
         let place = place.key("extensions");
-        for (name, extension) in material.get("extensions").and_then(Value::as_object).into_iter().flatten() {
+        for (name, extension) in material.get("extensions").into_iter().flat_map(Value::properties) {
             let place = place.key(name);
-            for (property, value) in extension.as_object().into_iter().flatten() {
+            for (property, value) in extension.properties() {
                 if property.ends_with("Texture") && value.is_object() {
                     self.object(value, TEXTURE_INFO, &place.key(property), broken);
                 }
@@ -145,8 +144,8 @@ impl Form<'_> {
 }
 
 /// The elements of a list, which must have some.
-fn elements<'v>(value: &'v Value, place: &Place, broken: &mut Broken) -> Option<&'v [Value]> {
-    match value.as_array() {
+fn elements<'v>(value: &'v Value<'v>, place: &Place, broken: &mut Broken) -> Option<&'v [Value<'v>]> {
+    match value.as_list() {
         Some(list) => {
             if list.is_empty() {
                 broken.tell(place, "is empty; a list must have an element or be left out");
@@ -178,8 +177,8 @@ fn wrong_type(value: &Value, wanted: &str, place: &Place, broken: &mut Broken) {
         Value::Null => "null".to_owned(),
         Value::Bool(value) => value.to_string(),
         Value::Number(value) => value.to_string(),
-        Value::String(text) => format!("the text {:?}", short(text)),
-        Value::Array(_) => "a list".to_owned(),
+        Value::Text(text) => format!("the text {:?}", short(text)),
+        Value::List(_) => "a list".to_owned(),
         Value::Object(_) => "an object".to_owned(),
     };
     let what = if matches!(place, Place::Root) { "the JSON is" } else { "is" };

@@ -3,11 +3,10 @@
 use super::broken::Broken;
 use super::buffers::media_type;
 use super::form::short;
-use super::json::{list, named};
+use super::json::{Value, list, named};
 use super::place::Place;
 use super::views::{Use, Uses};
 use crate::import::gltf::buffers::Buffers;
-use serde_json::Value;
 
 pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
     let images = Place::Root.key("images");

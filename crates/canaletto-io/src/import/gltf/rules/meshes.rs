@@ -2,15 +2,14 @@
 
 use super::accessors::{Format, has_stride};
 use super::broken::Broken;
-use super::json::{list, named, whole};
+use super::json::{Object, Value, list, named, whole};
 use super::place::Place;
 use super::views::{Use, Uses};
-use serde_json::{Map, Value};
 use std::collections::{BTreeSet, HashMap};
 
 pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
     let used = list(json, "extensionsUsed");
-    let is_quantized = used.iter().any(|name| name == "KHR_mesh_quantization");
+    let is_quantized = used.iter().any(|name| name.as_str() == Some("KHR_mesh_quantization"));
     let mut reader = Reader { json, is_quantized, vertices: HashMap::new() };
     let meshes = Place::Root.key("meshes");
     for (i, mesh) in list(json, "meshes").iter().enumerate() {
@@ -27,7 +26,7 @@ pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
                 broken.tell(&place.key("targets"), message);
             }
         }
-        if let Some(weights) = mesh.get("weights").and_then(Value::as_array).filter(|weights| weights.len() != first) {
+        if let Some(weights) = mesh.get("weights").and_then(Value::as_list).filter(|weights| weights.len() != first) {
             let message = format!("it has {} weights for {first} morph targets", weights.len());
             broken.tell(&place.key("weights"), message);
         }
@@ -42,14 +41,14 @@ pub(super) fn check(json: &Value, uses: &mut Uses, broken: &mut Broken) {
 }
 
 struct Reader<'a> {
-    json: &'a Value,
+    json: &'a Value<'a>,
     is_quantized: bool,
     /// The accessors of vertices in each buffer view without a stride.
     vertices: HashMap<usize, BTreeSet<usize>>,
 }
 
 /// The number of vertices of a primitive: that of its positions.
-fn vertex_count(json: &Value, attributes: &Map<String, Value>) -> Option<usize> {
+fn vertex_count(json: &Value, attributes: &Object) -> Option<usize> {
     let index = whole(attributes.get("POSITION"))?;
     whole(list(json, "accessors").get(index)?.get("count"))
 }
@@ -59,7 +58,7 @@ impl Reader<'_> {
         let Some(attributes) = primitive.get("attributes").and_then(Value::as_object) else { return };
         let count = vertex_count(self.json, attributes);
         let own = place.key("attributes");
-        for (name, index) in attributes {
+        for (name, index) in attributes.iter() {
             let place = own.key(name);
             if !is_attribute(name) {
                 broken.tell(&place, "it's no attribute of the specification; names of others start with _");
@@ -76,7 +75,7 @@ impl Reader<'_> {
         let targets = place.key("targets");
         for (k, target) in list(primitive, "targets").iter().enumerate() {
             let place = targets.item(k);
-            for (name, index) in target.as_object().into_iter().flatten() {
+            for (name, index) in target.properties() {
                 let place = place.key(name);
                 if !is_attribute(name) {
                     broken.tell(&place, "it's no attribute of the specification; names of others start with _");
@@ -165,13 +164,7 @@ impl Reader<'_> {
     }
 
     /// Checks that the vertices have the texture coordinates that the material asks for.
-    fn texture_coordinates(
-        &self,
-        primitive: &Value,
-        attributes: &Map<String, Value>,
-        place: &Place,
-        broken: &mut Broken,
-    ) {
+    fn texture_coordinates(&self, primitive: &Value, attributes: &Object, place: &Place, broken: &mut Broken) {
         let Some((number, material)) = named(self.json, "materials", primitive, "material") else { return };
         let mut most = None;
         texture_sets(material, &mut most);
@@ -184,7 +177,7 @@ impl Reader<'_> {
 
 /// The highest set of texture coordinates that a material's textures use.
 fn texture_sets(value: &Value, most: &mut Option<usize>) {
-    for (name, value) in value.as_object().into_iter().flatten() {
+    for (name, value) in value.properties() {
         if name.ends_with("Texture") && value.get("index").is_some() {
             let moved = value.get("extensions").and_then(|all| all.get("KHR_texture_transform"));
             let moved = moved.and_then(|transform| whole(transform.get("texCoord")));
@@ -208,9 +201,9 @@ fn is_attribute(name: &str) -> bool {
 }
 
 /// Checks that the sets of an attribute are counted from 0 on, and that joints have weights.
-fn sets(attributes: &Map<String, Value>, place: &Place, broken: &mut Broken) {
+fn sets(attributes: &Object, place: &Place, broken: &mut Broken) {
     let mut all: HashMap<&str, BTreeSet<usize>> = HashMap::new();
-    for (word, number) in attributes.keys().filter_map(|name| set(name)) {
+    for (word, number) in attributes.iter().filter_map(|(name, _)| set(name)) {
         all.entry(word).or_default().insert(number);
     }
     let of = |word: &str| all.get(word).map_or(0, BTreeSet::len);

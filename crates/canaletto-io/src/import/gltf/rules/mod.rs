@@ -27,21 +27,21 @@ mod views;
 use super::accessor::Accessors;
 use super::fault::Fault;
 use broken::Broken;
+pub(super) use json::Value;
 use json::list;
-use serde_json::Value;
 use std::collections::HashSet;
 use tree::Tree;
 use views::Uses;
 
 /// The rules that a document breaks.
 pub(super) struct Rules<'a> {
-    json: &'a Value,
+    json: &'a Value<'a>,
     broken: Broken,
 }
 
 impl<'a> Rules<'a> {
     /// Checks a document's JSON.
-    pub(super) fn of_json(json: &'a Value) -> Rules<'a> {
+    pub(super) fn of_json(json: &'a Value<'a>) -> Rules<'a> {
         let mut broken = Broken::default();
         form::check(json, &mut broken);
         let tree = Tree::new(list(json, "nodes"));

@@ -1,10 +1,9 @@
 //! Nodes and scenes (glTF 2.0, 3.5).
 
 use super::broken::Broken;
-use super::json::{list, named, numbers, whole};
+use super::json::{Value, list, named, numbers, whole};
 use super::place::Place;
 use super::tree::Tree;
-use serde_json::Value;
 
 /// How far the length of a rotation may be from 1, as in Khronos' validator.
 const UNIT_TOLERANCE: f64 = 0.00769;
@@ -78,7 +77,7 @@ fn has_parts(m: &[f64]) -> bool {
 /// What a node and its mesh say of each other.
 fn mesh_of(node: &Value, mesh: &Value, place: &Place, broken: &mut Broken) {
     let primitives = list(mesh, "primitives");
-    if let Some(weights) = node.get("weights").and_then(Value::as_array) {
+    if let Some(weights) = node.get("weights").and_then(Value::as_list) {
         let targets = primitives.first().map_or(0, |primitive| list(primitive, "targets").len());
         if weights.len() != targets {
             let message = format!("it has {} weights, but its mesh has {targets} morph targets", weights.len());

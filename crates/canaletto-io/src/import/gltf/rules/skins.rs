@@ -2,11 +2,10 @@
 
 use super::accessors::{Format, has_stride};
 use super::broken::Broken;
-use super::json::{list, named, whole};
+use super::json::{Value, list, named, whole};
 use super::place::Place;
 use super::tree::Tree;
 use super::views::{Use, Uses};
-use serde_json::Value;
 use std::collections::{BTreeSet, HashMap};
 
 pub(super) fn check(json: &Value, tree: &Tree, uses: &mut Uses, broken: &mut Broken) {
@@ -31,7 +30,7 @@ pub(super) fn check(json: &Value, tree: &Tree, uses: &mut Uses, broken: &mut Bro
     scenes(json, tree, broken);
 }
 
-fn joints(skin: &Value) -> impl Iterator<Item = usize> + '_ {
+fn joints<'v>(skin: &'v Value<'v>) -> impl Iterator<Item = usize> + 'v {
     list(skin, "joints").iter().filter_map(|joint| whole(Some(joint)))
 }
 

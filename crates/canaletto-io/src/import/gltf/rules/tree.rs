@@ -1,7 +1,6 @@
 //! The tree of nodes, of which each node has one parent: the first that lists it.
 
-use super::json::{list, whole};
-use serde_json::Value;
+use super::json::{Value, list, whole};
 use std::collections::BTreeSet;
 
 /// The tree of a document's nodes.

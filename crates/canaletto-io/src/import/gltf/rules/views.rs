@@ -1,9 +1,8 @@
 //! Buffer views and their uses (glTF 2.0, 3.6.1): each has one use alone.
 
 use super::broken::Broken;
-use super::json::{list, named, whole};
+use super::json::{Value, list, named, whole};
 use super::place::Place;
-use serde_json::Value;
 
 /// The use of a buffer view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
