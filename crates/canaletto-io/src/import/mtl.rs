@@ -13,7 +13,7 @@
 //! | `illum` 4, 6, 7, 9 | glass: k = `Ks`; without `d` and `Tr`, opacity = 1 − the largest of `Tf` (default 1) |
 //! | other `illum` | `Ks` gives highlights only |
 //! | no `illum` | glass if `Ni` isn't 1, else as 2 |
-//! | `Pr`, `Pm`, `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | the [standard surface](super::mtl_standard) in place of Phong's model |
+//! | `Pr`, `Pm`, `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | the [standard surface](super::mtl_standard) instead |
 //!
 //! Materials other than glass don't refract: eta = 1, whatever `Ni` is, because exporters write `Ni` with every
 //! material. `Ka` is ignored without a warning, since the scene's ambient light acts on kd and every exporter writes

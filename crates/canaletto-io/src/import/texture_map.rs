@@ -5,7 +5,8 @@
 //! | `map_Kd`, `map_Ks`, `map_Ke` | kd, ks (and k of a mirror), emission: its colours times a grey `Kd`, `Ks`, `Ke` |
 //! | `map_d` | coverage, or the opacity of glass: its alpha if it has one, else its luminance, times `d` |
 //! | `map_Ns` | n, times `Ns` |
-//! | `map_Pr`, `map_Pm`, `map_Ps`, `map_Pc`, `map_Pcr` | roughness, metalness, fuzz, coat and its roughness of the standard surface, times their numbers |
+//! | `map_Pr`, `map_Pm`, `map_Ps` | roughness, metalness, fuzz of the standard surface, times their numbers |
+//! | `map_Pc`, `map_Pcr` | its coat, and the coat's roughness, times their numbers |
 //! | `norm` | normals |
 //! | `map_Bump`, `bump` | heights of which the slope is seen, or normals if the picture has the colours of normals |
 //! | `disp` | heights that raise the surface |

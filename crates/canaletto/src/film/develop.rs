@@ -63,9 +63,9 @@ impl Developer {
         color.map(|v| (v * self.exposure).max(0.0).min(f32::MAX))
     }
 
-    /// Pixel number `i` of a picture with an alpha as display values in [0, 1]: its colour, not multiplied by alpha, and
-    /// its alpha. A page multiplies what lies under the picture by 1 − alpha after the transfer curve. So a shadow has
-    /// the alpha that makes this the curve of the light that it leaves.
+    /// Pixel number `i` of a picture with an alpha as display values in [0, 1]: its colour, not multiplied by alpha,
+    /// and its alpha. A page multiplies what lies under the picture by 1 − alpha after the transfer curve. So a shadow
+    /// has the alpha that makes this the curve of the light that it leaves.
     pub fn with_alpha(&self, picture: &Picture, i: usize) -> (Rgb, f32) {
         let mut color = [picture.straight(i).to_array()];
         self.develop(&mut color);
@@ -77,8 +77,8 @@ impl Developer {
         (if opacity > 0.0 { color * (alpha / opacity) } else { Rgb::BLACK }, opacity)
     }
 
-    /// Pixel number `i` of a picture with an alpha over a linear colour as a screen shows it, in [0, 1]: exposed, with its
-    /// tone, and without the transfer curve.
+    /// Pixel number `i` of a picture with an alpha over a linear colour as a screen shows it, in [0, 1]: exposed, with
+    /// its tone, and without the transfer curve.
     pub fn over(&self, picture: &Picture, i: usize, under: Rgb) -> Rgb {
         let mut color = [picture.straight(i).to_array()];
         self.tone(&mut color);

@@ -16,8 +16,8 @@ impl Picture {
     /// Separates the shadows on catchers from a picture whose [`alpha`](Picture::alpha) leaves the catchers out.
     /// `background` is the radiance that they are measured by
     /// ([`World::shadow_background`](crate::world::World::shadow_background)). Colours are those of objects alone
-    /// afterwards, multiplied by alpha. A picture without an alpha, or whose shadow is known, stays as it is. If it isn't
-    /// complete, black pixels without an alpha aren't rendered yet, and have no shadow.
+    /// afterwards, multiplied by alpha. A picture without an alpha, or whose shadow is known, stays as it is. If it
+    /// isn't complete, black pixels without an alpha aren't rendered yet, and have no shadow.
     ///
     /// A render does so by itself unless its job has layers for denoising: the picture is then denoised first.
     pub fn separate_shadow(&mut self, background: Rgb, is_complete: bool) {

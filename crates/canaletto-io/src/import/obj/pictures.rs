@@ -39,8 +39,8 @@ impl Pictures {
     }
 }
 
-/// The height of white in a `map_Bump` as a share of the model's size, times `-bm`. MTL doesn't say what its heights are
-/// measured in.
+/// The height of white in a `map_Bump` as a share of the model's size, times `-bm`. MTL doesn't say what its heights
+/// are measured in.
 const BUMP: f32 = 0.01;
 
 /// The same of a `disp` without `-mm`, which gives heights in the model's unit.

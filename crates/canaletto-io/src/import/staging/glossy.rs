@@ -3,7 +3,8 @@
 //!
 //! n is the exponent of Blinn's distribution of facets: α² = 2 / (n + 2) (Walter et al., *Microfacet Models for
 //! Refraction through Rough Surfaces*, 2007, 5.2). ks is a share of the reflection 0.08 at right angles, as in Blender
-//! and in Burley, *Physically Based Shading at Disney*, 2012. So the usual ks of 0.5 is the reflection of plastic, 0.04.
+//! and in Burley, *Physically Based Shading at Disney*, 2012. So the usual ks of 0.5 is the reflection of plastic,
+//! 0.04.
 
 use super::add;
 use canaletto::Named;

@@ -548,9 +548,9 @@ impl SeenStandard {
     }
 }
 
-/// The directions in the frame of facets whose light leads to `wi`: itself, and the one that is mirrored at the geometric
-/// surface, if it is on the same side of the facets. `axes` are those of the facets, and `wo` is the viewer's direction
-/// in them.
+/// The directions in the frame of facets whose light leads to `wi`: itself, and the one that is mirrored at the
+/// geometric surface, if it is on the same side of the facets. `axes` are those of the facets, and `wo` is the viewer's
+/// direction in them.
 fn locals(frame: &ScatteringFrame, axes: DMat3, wo: DVec3, wi: DVec3) -> impl Iterator<Item = Local> + use<> {
     let facing = frame.facing;
     let is_above = wi.dot(facing) > 0.0;

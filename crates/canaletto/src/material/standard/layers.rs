@@ -217,8 +217,8 @@ impl StandardBsdf {
         (plain + sum * (gain / FILM_FACETS.len() as f64) as f32).map(|v| v.clamp(0.0, 1.0))
     }
 
-    /// The layers as they are seen from `wo`, in the frame of the base's facets; `over` is the same direction in that of
-    /// the coat's.
+    /// The layers as they are seen from `wo`, in the frame of the base's facets; `over` is the same direction in that
+    /// of the coat's.
     pub(super) fn layers(&self, wo: DVec3, over: DVec3) -> Layers {
         let cos = wo.z;
         // Fuzz
