@@ -113,7 +113,8 @@ fn rich_model() -> MemoryAssets {
         "materials": [
             { "name": "all \"of\" it", "alphaMode": "BLEND", "doubleSided": true,
               "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 }, "baseColorFactor": [0.9, 0.8, 0.7, 0.9],
-                  "metallicRoughnessTexture": { "index": 1, "texCoord": 1, "extensions": moved }, "metallicFactor": 0.4 },
+                  "metallicRoughnessTexture": { "index": 1, "texCoord": 1, "extensions": moved },
+                  "metallicFactor": 0.4 },
               "normalTexture": { "index": 1, "scale": 0.5 },
               "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 0.7,
                   "clearcoatTexture": { "index": 1, "extensions": moved } } } },
@@ -204,7 +205,8 @@ texture "t" kind="marble"
 material "veined" { texture "t" }
 sphere "ball" material="red" { center 0 1 0; radius 1 }
 instance "ball" { scale 0.5; translate 2 0 1 }
-group "tower" material="blue" { rotate-y 30; box { min -3 0 0; max -2 2 1 }; cone { base -2.5 2 0.5; top -2.5 3 0.5; radius 0.6 } }
+group "tower" material="blue" { rotate-y 30; box { min -3 0 0; max -2 2 1 }
+  cone { base -2.5 2 0.5; top -2.5 3 0.5; radius 0.6 } }
 plane "floor" { point 0 0 0; normal 0 1 0 }
 spheres "beads" radius=0.2 material="red" { points 1 0.2 2  1.5 0.2 2.2 }
 torus "ring" material="veined" { center 0 0.3 2; axis 0 1 0; radius 0.5; tube 0.2 }

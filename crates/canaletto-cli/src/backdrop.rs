@@ -108,6 +108,11 @@ pub(crate) struct Finish<'a> {
 }
 
 impl Finish<'_> {
+    /// Whether [`Finish::apply`] changes this picture.
+    pub(crate) fn changes(&self, picture: &Picture) -> bool {
+        !picture.alpha.is_empty() && (self.backdrop.is_some() || self.world.shadow_background().is_some())
+    }
+
     /// Finishes a denoised picture; returns how it is developed. `is_complete`: all its pixels are rendered.
     pub(crate) fn apply(&self, picture: &mut Picture, job: &Job, is_complete: bool) -> Developing {
         if let Some(background) = self.world.shadow_background() {

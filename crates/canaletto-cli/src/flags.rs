@@ -333,12 +333,12 @@ pub(crate) struct PictureFlags {
 
     /// Shows the background of the scene, none, a colour, a gradient or a picture [default: the scene's film]
     ///
-    /// none is a transparent one: a PNG, APNG or EXR has an alpha. What the camera sees straight on is left out, also
-    /// through holes, media and panes that don't bend it. Reflections and light of the background stay. The shadow on a
-    /// model's floor is in the alpha.
+    /// none is a transparent one: a PNG, WebP, APNG or EXR has an alpha. What the camera sees straight on is left out,
+    /// also through holes, media and panes that don't bend it. Reflections and light of the background stay. The shadow
+    /// on a model's floor is in the alpha.
     ///
-    /// Anything else is laid under such a picture, and looks as it is given: a colour such as '#ffffff', colours from
-    /// the top to the bottom such as '#fff,#9ab', or a picture's file, which covers all of it.
+    /// Anything else is laid under such a picture, and looks as it is given. It is a colour such as '#ffffff', or
+    /// colours from the top to the bottom such as '#fff,#9ab'. A picture's file covers all of it.
     #[arg(long, value_name = "none|scene|COLOR[,COLOR]|FILE", value_parser = background, help_heading = "Colour")]
     pub background: Option<BackgroundFlag>,
 

@@ -1,6 +1,6 @@
 //! Displayable pictures of extra layers. An EXR holds the numbers themselves; a PNG needs a mapping to colours.
 
-use canaletto::film::{Developer, Layer, Picture, develop, develop_alpha};
+use canaletto::film::{Developer, Layer, Picture, develop, develop_with_alpha};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto::scene::{Developing, Transfer};
@@ -58,10 +58,12 @@ pub(crate) fn to_image(layer: &Layer, picture: &Picture, developing: &Developing
 
 /// The picture as display values, the top row first, with its alpha.
 pub(crate) fn developed(picture: &Picture, developing: &Developing) -> Image {
-    let mut image = rgb_image(picture, &develop(picture, developing));
-    if !picture.alpha.is_empty() {
-        image.channels.push(Channel::new("A", develop_alpha(picture, developing)));
+    if picture.alpha.is_empty() {
+        return rgb_image(picture, &develop(picture, developing));
     }
+    let (colors, alpha): (Vec<Rgb>, Vec<f32>) = develop_with_alpha(picture, developing).into_iter().unzip();
+    let mut image = rgb_image(picture, &colors);
+    image.channels.push(Channel::new("A", alpha));
     image
 }
 

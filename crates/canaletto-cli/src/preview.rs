@@ -14,6 +14,7 @@ use canaletto::render::Job;
 use canaletto::scene::Scene;
 use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::picture::{Compression, EncodeSettings, Rendered, Window};
+use std::borrow::Cow;
 
 /// The sides of the blocks of pixels that one ray stands for, in the order of the previews.
 const BLOCKS: [u32; 3] = [16, 4, 1];
@@ -69,8 +70,11 @@ impl PreviewFile<'_> {
         texts.push((UNFINISHED.into(), unfinished));
         let settings =
             EncodeSettings { compression: Compression::Fast, window: Some(self.window), ..self.output.settings };
-        let mut picture = picture.clone();
-        let developing = self.finish.apply(&mut picture, self.job, true);
+        let mut picture = Cow::Borrowed(picture);
+        let developing = match self.finish.changes(&picture) {
+            true => self.finish.apply(picture.to_mut(), self.job, true),
+            false => self.job.developing(),
+        };
         let rendered = Rendered { picture: &picture, developing };
         let bytes = format.encode(&rendered, &settings, &texts, &|| !interrupt::stops()).map_err(|e| unfit(&e))?;
         if interrupt::stops() {

@@ -25,6 +25,7 @@ mod ply;
 mod polygon;
 mod positions;
 mod precision_warning;
+mod reflectance;
 mod repair;
 mod smooth;
 mod staging;
@@ -66,10 +67,7 @@ pub fn extensions() -> Vec<&'static str> {
 /// # Errors
 /// The mistakes in the file, or that its format isn't supported.
 pub fn load(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<(Scene, Diagnostics), Diagnostics> {
-    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
-    let (moment, variant) = (staging.moment.clone(), staging.variant.clone());
-    let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
-    let (fragment, warnings) = read(format, &asset, assets, &options)?;
+    let StagedFile { format, asset, fragment, warnings } = read_staged(path, assets, staging)?;
     let scene = match format.holds {
         Holds::Objects => staging::stage(fragment, format.up, staging).ok_or_else(|| {
             let wrong = "the model is too large to put a camera and lights around it";
@@ -91,14 +89,27 @@ pub fn load(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<(Scene
 /// # Errors
 /// As [`load`].
 pub(crate) fn extent(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<Option<[DVec3; 2]>, Diagnostics> {
-    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
-    let (moment, variant) = (staging.moment.clone(), staging.variant.clone());
-    let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
-    let (fragment, _) = read(format, &asset, assets, &options)?;
+    let StagedFile { format, fragment, .. } = read_staged(path, assets, staging)?;
     Ok(match format.holds {
         Holds::Objects => staging::extent(fragment, format.up, staging),
         Holds::Scene => None,
     })
+}
+
+/// A file that was read for staging.
+struct StagedFile {
+    format: &'static ModelFormat,
+    asset: OpenAsset,
+    fragment: Fragment,
+    warnings: Diagnostics,
+}
+
+fn read_staged(path: &str, assets: &dyn Assets, staging: &Staging) -> Result<StagedFile, Diagnostics> {
+    let (format, asset) = open(path, assets, &AssetPath::base(), |_| true)?;
+    let (moment, variant) = (staging.moment.clone(), staging.variant.clone());
+    let options = ReadOptions { unsaid: DefaultShading::Creases, moment, variant };
+    let (fragment, warnings) = read(format, &asset, assets, &options)?;
+    Ok(StagedFile { format, asset, fragment, warnings })
 }
 
 /// Reads the objects of a model that the file `from` names. They are returned with warnings about parts of the model

@@ -36,6 +36,11 @@ impl Bounds {
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
     }
 
+    /// The length of the box's diagonal; infinite without points.
+    pub(super) fn diagonal(&self) -> f32 {
+        (self.max - self.min).as_vec3().length()
+    }
+
     pub(super) fn size(&self) -> f64 {
         (self.max - self.min).max_element()
     }

@@ -103,20 +103,17 @@ impl Developer {
 
 /// The picture's colours as display values in [0, 1], the top row first. They aren't multiplied by alpha.
 pub fn develop(picture: &Picture, developing: &Developing) -> Vec<Rgb> {
-    let developer = Developer::new(picture, developing);
     if picture.alpha.is_empty() {
-        return developer.developed(&picture.pixels);
+        return Developer::new(picture, developing).developed(&picture.pixels);
     }
-    (0..picture.pixels.len()).into_par_iter().map(|i| developer.with_alpha(picture, i).0).collect()
+    develop_with_alpha(picture, developing).into_iter().map(|(color, _)| color).collect()
 }
 
-/// The picture's alpha for display values, the top row first; empty if it has none ([`Developer::with_alpha`]).
-pub fn develop_alpha(picture: &Picture, developing: &Developing) -> Vec<f32> {
-    if picture.shadow.is_empty() {
-        return picture.alpha.clone();
-    }
+/// The colours of a picture with an alpha as [`develop`] has them, each with its alpha for display values
+/// ([`Developer::with_alpha`]).
+pub fn develop_with_alpha(picture: &Picture, developing: &Developing) -> Vec<(Rgb, f32)> {
     let developer = Developer::new(picture, developing);
-    (0..picture.alpha.len()).into_par_iter().map(|i| developer.with_alpha(picture, i).1).collect()
+    (0..picture.pixels.len()).into_par_iter().map(|i| developer.with_alpha(picture, i)).collect()
 }
 
 /// Clamps values to [0, 1] and encodes them as display values.

@@ -14,7 +14,7 @@ mod tile_buffer;
 mod tone;
 
 pub(crate) use develop::display_all;
-pub use develop::{Developer, develop, develop_alpha, srgb_encode};
+pub use develop::{Developer, develop, develop_with_alpha, srgb_encode};
 pub use exposure::metered_exposure;
 pub(crate) use filter::value as filter_value;
 pub use filter::{Division, FilterTable, Part};

@@ -29,8 +29,9 @@ pub struct Picture {
     /// How much of what lies under the picture each pixel hides, 0 to 1, if the background is left out
     /// ([`FilmSettings::alpha`](crate::scene::FilmSettings::alpha)); else empty. Colours are multiplied by it.
     pub alpha: Vec<f32>,
-    /// How much darker the shadows on [catchers](crate::material::Material::shadow_catcher) make what lies under each
-    /// pixel, where nothing hides it, 0 to 1; empty if there are none, or before [`Picture::separate_shadow`].
+    /// How much darker shadows make what lies under each pixel, where nothing hides it, 0 to 1. They are those on
+    /// [catchers](crate::material::Material::shadow_catcher). Empty without them, or before
+    /// [`Picture::separate_shadow`].
     pub shadow: Vec<f32>,
 }
 

@@ -60,7 +60,7 @@ impl ContactSheet {
     }
 
     /// Leaves places for the pictures of a plan.
-    pub(super) fn expect(&mut self, plan: &Plan) {
+    pub(super) fn add(&mut self, plan: &Plan) {
         for file in plan.frames.iter().filter_map(|frame| plan.files(frame).into_iter().next()) {
             let name = file.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
             self.cells.push((name, Some(file)));
@@ -68,7 +68,7 @@ impl ContactSheet {
     }
 
     /// Leaves an empty place for a scene that has no picture.
-    pub(super) fn miss(&mut self, name: &str) {
+    pub(super) fn add_missing(&mut self, name: &str) {
         self.cells.push((name.to_owned(), None));
     }
 

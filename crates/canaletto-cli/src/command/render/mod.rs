@@ -289,7 +289,7 @@ fn one(flags: &RenderFlags) -> Result<Exit, Failure> {
     files.check()?;
     let mut solutions = Solutions::new(&task.flags.solution, task.flags.output.no_clobber)?;
     if let Some(sheet) = &mut sheet {
-        sheet.expect(&task.plan);
+        sheet.add(&task.plan);
     }
     let exit = on_pool(task, &files, &mut solutions)?;
     if let Some(sheet) = sheet.filter(|_| exit == Exit::Done) {
@@ -355,7 +355,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
         match Task::new(own) {
             Ok(task) => {
                 if let Some(sheet) = &mut sheet {
-                    sheet.expect(&task.plan);
+                    sheet.add(&task.plan);
                 }
                 files = files.and(task.files());
                 tasks.push(task);
@@ -364,7 +364,7 @@ fn several(flags: &RenderFlags) -> Result<Exit, Failure> {
             Err(failure) => {
                 fail(&failure);
                 if let Some(sheet) = &mut sheet {
-                    sheet.miss(&stem(scene));
+                    sheet.add_missing(&stem(scene));
                 }
             }
         }

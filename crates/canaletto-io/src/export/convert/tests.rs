@@ -41,19 +41,23 @@ fn stays(text: &str) -> String {
 fn settings_come_back() {
     for text in [
         "camera { eye 0.1 2 3; center 1 2 0.3; fovy 33.3; size 64 48; shift 0.1 0.2; far 9 }",
-        "camera \"a \\\"b\\\" \\u{7}\" { eye 0 0 9; orthographic 3; lens { radius 0.2; focus 3; blades 6; rotation 15 } }",
-        "camera \"a\" { eye 0 0 9; near 2; lens { f-number 2.8; focus-point 0 1 2 }; shutter 0 0.5 }\ncamera \"b\" { eye 1 1 1 }",
+        "camera \"a \\\"b\\\" \\u{7}\" { eye 0 0 9; orthographic 3; lens { radius 0.2; focus 3; blades 6; \
+         rotation 15 } }",
+        "camera \"a\" { eye 0 0 9; near 2; lens { f-number 2.8; focus-point 0 1 2 }; shutter 0 0.5 }\ncamera \
+         \"b\" { eye 1 1 1 }",
         "camera { eye 0 2 9; motion { eye 1 2 9 } }",
         "film { samples 64; sampler \"blue-noise\"; filter \"gaussian\" sigma=0.7; exposure 0.5; tone \"agx\"; alpha }",
         "film { sample \"jittered\" n=3; filter \"mitchell\"; exposure \"auto\"; transfer \"none\"; tone \"clamp\" }",
         "film { sample \"adaptive\" n=5 threshold=0.02; crop 1 2 3 4 }\ncamera { eye 0 0 9 }",
         "integrator \"whitted\" { max-depth 3; min-weight 0.01; stage \"shadow\"; shadows #false }",
-        "integrator \"zbuffer\" { shading \"flat\"; shadows \"none\"; shadow-map-size 64; multisampling 4; tolerance 0.1 }",
+        "integrator \"zbuffer\" { shading \"flat\"; shadows \"none\"; shadow-map-size 64; multisampling 4; \
+         tolerance 0.1 }",
         "integrator \"radiosity\" { method \"full\"; error 0.1; show \"patches\"; max-patches 9; light-samples 4 }",
         "integrator \"path\" { max-depth 4; roulette #false; guiding \"on\" }",
         "background 0.1 0.2 0.3\nambient 0.5",
         "environment \"gradient\" { stops -90 0.2 0.1 0.15  90 0.1 0.3 0.7; rotate-z 10; intensity 2; ambient }",
-        "environment \"sky\" { sun 0 1 0.1; turbidity 5; ground 0.5; exposure 1; disk #false; light #false; visible #false }",
+        "environment \"sky\" { sun 0 1 0.1; turbidity 5; ground 0.5; exposure 1; disk #false; light #false; \
+         visible #false }",
     ] {
         stays(&format!("{text}\nsphere {{ center 0 0 0; radius 1 }}"));
     }
@@ -90,7 +94,8 @@ fn materials_and_textures_come_back() {
         "kind=\"worley\" { feature \"edge\"; jitter 0.5 }",
     ] {
         stays(&format!(
-            "texture \"t\" {kind}\nmaterial \"m\" {{ texture \"t\" mapping=\"box\" space=\"world\" {{ scale 2; repeat 3 4 }} \n \
+            "texture \"t\" {kind}\nmaterial \"m\" {{ texture \"t\" mapping=\"box\" space=\"world\" {{ scale \
+             2; repeat 3 4 }} \n \
              texture \"t\" use=\"roughness\" channel=\"red\" multiply=#true {{ range 0.1 0.9 }} \n \
              texture \"t\" use=\"bump\" height=0.1; texture \"t\" use=\"decal\" mapping=\"triplanar\" }}\n\
              sphere material=\"m\" {{ center 0 0 0; radius 1 }}"
@@ -120,7 +125,8 @@ fn objects_and_lights_come_back() {
         "cylinders radius=0.5 { data \"0 0 0 0 5 0 0.5\\n2 0 0 2 5 0 1\" }",
         "group \"lamp\" { translate 0 5 0; sphere { center 0 0 0; radius 1 }\n light \"omni\" { position 0 1 0 } }\n\
          instance \"lamp\" name=\"second\" { translate 9 0 0; rotate 1 2 3 33; scale 1 2 3 }",
-        "prototype \"ball\" { scale 2; sphere { center 0 0 0; radius 1 } }\ninstance \"ball\"\ninstance \"ball\" { scale -1 1 1 }",
+        "prototype \"ball\" { scale 2; sphere { center 0 0 0; radius 1 } }\ninstance \"ball\"\ninstance \
+         \"ball\" { scale -1 1 1 }",
         "sphere \"b\" { center 0 0 0; radius 1 }\ngroup { instance \"b\" { translate 2 0 0; rotate-y 7; rotate-x 3 } }",
         "light \"omni\" { position 1 2 3 0; intensity 0.5 0.6 0.7; name \"sun\"; shadows #false }",
         "light \"omni\" { position 0.1 2 3; attenuation 0 0 1; range 9 }",
@@ -137,7 +143,8 @@ fn objects_and_lights_come_back() {
 
 #[test]
 fn motion_that_keys_make_is_told() {
-    let text = "camera { eye 0 0 9; shutter 0 0.5 }\nbox \"wheel\" { min -1 -1 -1; max 1 1 1; rotate-y { key 0 0; key 1 90 } }";
+    let text = "camera { eye 0 0 9; shutter 0 0.5 }\nbox \"wheel\" { min -1 -1 -1; max 1 1 1; rotate-y { key \
+     0 0; key 1 90 } }";
     let (scene, _) = read_scene_text(text, "s.kdl", &MemoryAssets::new(), &[]).unwrap();
     let lost = converted(&scene, ConvertFormat::Text).lost;
     assert_eq!(lost[0].to_string(), "motion while the shutter is open (1): \"wheel\"");
@@ -149,12 +156,14 @@ const TWO: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 
 
 #[test]
 fn meshes_come_back_with_their_parts() {
-    let assets = MemoryAssets::new()
-        .with("two.obj", TWO)
-        .with("m.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\n")
-        .with("c.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+    let assets =
+        MemoryAssets::new().with("two.obj", TWO).with("m.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\n").with(
+            "c.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
-               property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0.1 0 0 255\n3 0 1 2\n");
+               property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0.1 0 0 \
+                255\n3 0 1 2\n",
+        );
     let (scene, _) = read_scene_text("mesh file=\"two.obj\" { one-sided; scale 2 }", "s.kdl", &assets, &[]).unwrap();
     let Conversion { files, lost } = converted(&scene, ConvertFormat::Text);
     assert!(lost.is_empty(), "{lost:?}");

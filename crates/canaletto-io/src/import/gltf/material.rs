@@ -3,6 +3,7 @@
 use super::fault::{Fault, named};
 use super::schema::{Document, Index, MaterialInfo, SpecularGlossiness, TextureRef};
 use super::texture::Textures;
+use crate::import::reflectance::{ALL_REFLECTING, index_of, reflection};
 use canaletto::Named;
 use canaletto::material::{Channel, Material, Parameter, StandardSurface, Target, TextureUse};
 use canaletto::math::Rgb;
@@ -91,21 +92,6 @@ impl<'a> Materials<'a> {
 /// A target of the standard surface by its word.
 fn standard(word: &str) -> Target {
     Target::from_name(word).unwrap_or(DIFFUSE)
-}
-
-/// The index of refraction of a dielectric that reflects nearly all light at right angles.
-const ALL_REFLECTING: f32 = 1e6;
-
-/// The reflection of an index at right angles.
-fn reflection(ior: f32) -> f32 {
-    let amplitude = (ior - 1.0) / (ior + 1.0);
-    amplitude * amplitude
-}
-
-/// The index with this reflection at right angles.
-fn index_of(reflection: f32) -> f32 {
-    let amplitude = reflection.sqrt();
-    if amplitude < 1.0 { ((1.0 + amplitude) / (1.0 - amplitude)).min(ALL_REFLECTING) } else { ALL_REFLECTING }
 }
 
 /// The making of one material.

@@ -6,6 +6,7 @@ use super::draco;
 use super::fault::Fault;
 use super::schema::{Index, PrimitiveInfo};
 use super::tangents::with_tangents;
+use crate::import::positions::Bounds;
 use canaletto::math::Rgb;
 use canaletto::shape::{CylinderCloud, Mesh, SphereCloud};
 use glam::{Vec2, Vec3, Vec4};
@@ -207,9 +208,8 @@ fn repair_normals(positions: &[Vec3], triangles: &[[u32; 3]], normals: &mut [Vec
 }
 
 /// The diagonal of the box around points, or 1 if they have no extent.
-fn size(points: impl Iterator<Item = Vec3>) -> f32 {
-    let (low, high) = points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-    let size = (high - low).length();
+fn size(points: &[Vec3]) -> f32 {
+    let size = Bounds::of(points).diagonal();
     if size > 0.0 && size.is_finite() { size } else { 1.0 }
 }
 
@@ -218,7 +218,7 @@ fn spheres(vertices: &Vertices, points: &[u32], wanted: &Wanted) -> SphereCloud 
     let colors = points.iter().filter_map(|v| vertices.colors.get(*v as usize));
     SphereCloud {
         name: wanted.name.to_owned(),
-        radii: vec![size(centers.iter().copied()) * POINT_RADIUS],
+        radii: vec![size(&centers) * POINT_RADIUS],
         colors: colors.map(|[r, g, b, _]| Rgb::new(*r, *g, *b) * wanted.color).collect(),
         centers,
         ..SphereCloud::default()
@@ -238,7 +238,7 @@ fn cylinders(vertices: &Vertices, segments: &[[u32; 2]], wanted: &Wanted) -> Opt
     };
     Some(CylinderCloud {
         name: wanted.name.to_owned(),
-        radii: vec![size(kept.iter().flat_map(ends)) * LINE_RADIUS],
+        radii: vec![size(&kept.iter().flat_map(ends).collect::<Vec<Vec3>>()) * LINE_RADIUS],
         colors: kept.iter().filter_map(color).collect(),
         axes: kept.iter().map(ends).collect(),
         caps: true,

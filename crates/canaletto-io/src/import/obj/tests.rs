@@ -499,7 +499,8 @@ fn pictures_of_physical_materials_are_textures() {
     let text = format!("mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\nusemtl c\nf 1 2 4\n");
     let library = "newmtl a\nmap_Bump -bm 0.5 h.png\ndisp -mm 1 2 h.png\nNs 100\nmap_Ns h.png\n\
         newmtl b\nmap_Bump -bm 0.5 n.png\ndisp h.png\n\
-        newmtl c\nKd 1 0.5 0\nPr 0.5\nmap_Kd h.png\nmap_Pr h.png\nmap_Pm h.png\nmap_Ps h.png\nmap_Pc h.png\nmap_Pcr h.png\n";
+        newmtl c\nKd 1 0.5 0\nPr 0.5\nmap_Kd h.png\nmap_Pr h.png\nmap_Pm h.png\nmap_Ps h.png\nmap_Pc \
+         h.png\nmap_Pcr h.png\n";
     let files = MemoryAssets::new().with("a.obj", text.as_str()).with("m.mtl", library);
     let files = files.with("h.png", plain_png([0.5; 3])).with("n.png", plain_png([0.5, 0.5, 1.0]));
     let ObjContent { meshes, materials, warnings, .. } = load_content(&files).unwrap();

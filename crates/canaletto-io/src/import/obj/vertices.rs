@@ -5,7 +5,7 @@ use super::super::concat::concat;
 use super::super::ignored::Ignored;
 use super::super::lines::{ImportError, Lines, Token, Tokens, gap};
 use super::super::number;
-use super::super::positions::Positions;
+use super::super::positions::{Bounds, Positions};
 use super::super::text::{Piece, Text};
 use super::faces::NONE;
 use super::keyword::Keyword;
@@ -35,11 +35,7 @@ pub(super) struct Vertices {
 impl Vertices {
     /// The diagonal of the box around all positions.
     pub(super) fn size(&self) -> f32 {
-        let (low, high) = self
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-        if self.positions.is_empty() { 0.0 } else { (high - low).length() }
+        if self.positions.is_empty() { 0.0 } else { Bounds::of(&self.positions).diagonal() }
     }
 
     /// Whether this position isn't finite.

@@ -17,7 +17,7 @@ mod table;
 
 use super::cloud::CloudSettings;
 use super::lines::ImportError;
-use super::positions::Positions;
+use super::positions::{Bounds, Positions};
 use super::precision_warning::{self, Precision};
 use super::repair::repair_normals;
 use super::smooth::{Smoothing, smooth};
@@ -132,9 +132,7 @@ fn read_content(name: &str, view: View<'_>) -> Result<(PlyContent, Vec<ImportErr
 /// The radius of points of which a file says nothing. Points of a surface as large as their box lie at distances of
 /// about its diagonal divided by √n, and hide what is behind them.
 fn radius_of_points(points: &[Vec3]) -> f32 {
-    let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
-    let size = (high - low).length();
-    let radius = size * (0.4 / (points.len() as f32).sqrt()).min(0.02);
+    let radius = Bounds::of(points).diagonal() * (0.4 / (points.len() as f32).sqrt()).min(0.02);
     if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
 }
 

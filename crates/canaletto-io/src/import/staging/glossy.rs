@@ -7,6 +7,7 @@
 //! 0.04.
 
 use super::add;
+use crate::import::reflectance::index_of;
 use canaletto::Named;
 use canaletto::material::{MaterialModel, Parameter, Phong, StandardSurface, Target, TextureUse};
 use canaletto::scene::Scene;
@@ -43,8 +44,7 @@ fn surface(phong: &Phong) -> StandardSurface {
     if !phong.ks.is_black() {
         surface.specular.color = phong.ks * (1.0 / most);
     }
-    let amplitude = (STRONGEST * most.min(1.0)).sqrt();
-    surface.specular.ior = (1.0 + amplitude) / (1.0 - amplitude);
+    surface.specular.ior = index_of(STRONGEST * most.min(1.0));
     surface.specular.roughness = roughness(phong.n);
     (surface.emission.color, surface.emission.radiance) = (phong.emission, 1.0);
     surface

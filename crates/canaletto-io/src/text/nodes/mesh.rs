@@ -31,17 +31,20 @@ pub(crate) static PART: NodeSchema = NodeSchema::new("part", "The material of a 
 
 const PART_FIELD: Field<Block> = Field::block(
     &PART,
-    "the material of a part of the file in place of its own, once for each part in their order: the parts become one mesh, \
-     which is closed if all of them are together",
+    "the material of a part of the file in place of its own, once for each part in their order: the parts become one \
+     mesh, which is closed if all of them are together",
 )
 .many();
 
 pub(super) static MESH: ObjectNode = ObjectNode {
     schema: NodeSchema::new(
         "mesh",
-        "The objects of a file: glTF (with its materials, lights and cameras), OBJ (with its MTL materials), PLY or STL. \
-         A material given here replaces the file's own.",
-        &[&[FILE.schema, SMOOTH.schema, ONE_SIDED.schema, PART_FIELD.schema], &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema]],
+        "The objects of a file: glTF (with its materials, lights and cameras), OBJ (with its MTL materials), PLY or \
+         STL. A material given here replaces the file's own.",
+        &[
+            &[FILE.schema, SMOOTH.schema, ONE_SIDED.schema, PART_FIELD.schema],
+            &[NAME.schema, MATERIAL.schema, CASTS_SHADOW.schema],
+        ],
     )
     .argument(NAME.schema)
     .transforms()

@@ -548,7 +548,7 @@ impl SeenStandard {
     }
 }
 
-/// The directions in the frame of facets whose light leads to `wi`: itself, and the one that is mirrored at the
+/// The directions in the frame of facets whose light leads to `wi`. One is `wi` itself. The other is mirrored at the
 /// geometric surface, if it is on the same side of the facets. `axes` are those of the facets, and `wo` is the viewer's
 /// direction in them.
 fn locals(frame: &ScatteringFrame, axes: DMat3, wo: DVec3, wi: DVec3) -> impl Iterator<Item = Local> + use<> {

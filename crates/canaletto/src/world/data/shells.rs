@@ -51,19 +51,7 @@ impl Shells {
     pub(in crate::world) fn of(mesh: &Mesh) -> Shells {
         let last = mesh.materials.len().saturating_sub(1) as u32;
         let slot = |triangle: usize| mesh.slots.get(triangle).map_or(0, |&slot| slot.min(last));
-        let mut sides = Sides::of(mesh, slot, |v| v);
-        let (mut open, mut edges) = sides.open_triangles();
-        if !open.is_empty() {
-            // Vertices in one place may have different numbers, as on both sides of a seam.
-            let mut welded = weld(&mesh.positions);
-            sides = Sides::of(mesh, slot, |v| welded[v as usize]);
-            (open, edges) = sides.open_triangles();
-            if !open.is_empty() && weld_rounded(mesh, &open, &mut welded) {
-                sides = Sides::of(mesh, slot, |v| welded[v as usize]);
-                (open, edges) = sides.open_triangles();
-            }
-        }
-        let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
+        let (closed, edges) = closed_triangles(mesh, slot);
         let mut volumes = vec![0.0; last as usize + 1];
         let origin = mesh.positions.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         for triangle in 0..mesh.triangles.len() {
@@ -108,16 +96,27 @@ impl Shells {
     }
 }
 
+/// Whether each triangle of a mesh is in a closed part, empty if all are, and the open edges of each slot.
+fn closed_triangles(mesh: &Mesh, slot: impl Fn(usize) -> u32 + Copy) -> (Vec<bool>, Vec<OpenEdges>) {
+    let mut sides = Sides::of(mesh, slot, |v| v);
+    let (mut open, mut edges) = sides.open_triangles();
+    if !open.is_empty() {
+        // Vertices in one place may have different numbers, as on both sides of a seam.
+        let mut welded = weld(&mesh.positions);
+        sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+        (open, edges) = sides.open_triangles();
+        if !open.is_empty() && weld_rounded(mesh, &open, &mut welded) {
+            sides = Sides::of(mesh, slot, |v| welded[v as usize]);
+            (open, edges) = sides.open_triangles();
+        }
+    }
+    let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.triangles.len()) };
+    (closed, edges)
+}
+
 /// The volume of the closed parts of a mesh, whatever its materials: less than 0 if its faces turn inwards.
 pub(crate) fn signed_volume(mesh: &Mesh) -> f64 {
-    let (mut welded, slot) = (weld(&mesh.positions), |_| 0);
-    let mut sides = Sides::of(mesh, slot, |v| welded[v as usize]);
-    let (mut open, _) = sides.open_triangles();
-    if !open.is_empty() && weld_rounded(mesh, &open, &mut welded) {
-        sides = Sides::of(mesh, slot, |v| welded[v as usize]);
-        (open, _) = sides.open_triangles();
-    }
-    let closed = if open.is_empty() { Vec::new() } else { closed_parts(&sides, &open, mesh.len()) };
+    let (closed, _) = closed_triangles(mesh, |_| 0);
     let origin = mesh.positions.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
     let triangles = (0..mesh.len()).filter(|&triangle| closed.is_empty() || closed[triangle]);
     triangles

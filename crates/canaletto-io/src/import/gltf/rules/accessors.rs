@@ -5,6 +5,7 @@ use super::broken::Broken;
 use super::json::{Value, list, named, whole};
 use super::place::Place;
 use super::views::{Use, Uses};
+use crate::import::gltf::accessor::shape;
 use std::fmt;
 
 /// The type of an accessor's elements.
@@ -98,19 +99,6 @@ fn component(code: Option<&Value>) -> &'static str {
         Some(5126) => "FLOAT",
         _ => "",
     }
-}
-
-fn shape(kind: &str) -> Option<[usize; 2]> {
-    Some(match kind {
-        "SCALAR" => [1, 1],
-        "VEC2" => [1, 2],
-        "VEC3" => [1, 3],
-        "VEC4" => [1, 4],
-        "MAT2" => [2, 2],
-        "MAT3" => [3, 3],
-        "MAT4" => [4, 4],
-        _ => return None,
-    })
 }
 
 /// Whether the buffer view of an accessor has a stride.
