@@ -9,7 +9,8 @@ use canaletto::math::{Rgb, Transform};
 use canaletto::render::{Aov, Job, Preparation, Session, render};
 use canaletto::scene::{Content, Guiding, Node, PathSettings, SamplerKind, Sampling, Scene};
 use canaletto::shape::{
-    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Parallelogram, Plane, Shape, Sphere, SphereCloud, Torus, Triangle,
+    Cone, Cuboid, Cylinder, CylinderCloud, Disk, Mesh, MeshPose, Parallelogram, Plane, Shape, Sphere, SphereCloud,
+    Torus, Triangle,
 };
 use canaletto::world::{OccluderCache, Occlusion, RayBundle, World};
 use canaletto::{InstructionSet, Ray};
@@ -19,8 +20,62 @@ use canaletto_tests::gallery::{icosphere, still_life, still_life_job};
 use canaletto_tests::{Random, root};
 use glam::{DVec3, Vec3};
 
+/// Moves a mesh's vertices while the shutter is open, the upper ones most.
+fn swell(mesh: &mut Mesh) {
+    let positions = mesh.positions.iter().map(|p| *p * (1.0 + 0.3 * p.y) + Vec3::X * 0.5 * p.y * p.y).collect();
+    let normals = mesh.normals.iter().map(|n| *n + Vec3::Y * 0.3 * n.x).collect();
+    mesh.end_pose = Some(Box::new(MeshPose { positions, normals, tangents: Vec::new() }));
+}
+
+/// A mesh whose vertices move has, at each time, the hits, surfaces and shadows of a mesh at rest in between.
+#[test]
+fn vertices_move_on_lines() {
+    let mesh = |at: Option<f32>| {
+        let mut mesh = icosphere(3, 0.8, true);
+        swell(&mut mesh);
+        if let Some((at, pose)) = at.zip(mesh.end_pose.as_ref()) {
+            let mean = |open: &[Vec3], close: &[Vec3]| {
+                open.iter().zip(close).map(|(a, b)| a.as_dvec3().lerp(b.as_dvec3(), at.into()).as_vec3()).collect()
+            };
+            (mesh.positions, mesh.normals) =
+                (mean(&mesh.positions, &pose.positions), mean(&mesh.normals, &pose.normals));
+            mesh.end_pose = None;
+        }
+        mesh
+    };
+    let turned = Transform::rotate(DVec3::new(1.0, 2.0, 0.5), 40.0).unwrap();
+    let world = |at: Option<f32>, place: &Transform| {
+        let nodes = vec![Node::new(Content::Mesh(0)).with_transform(place)];
+        World::build(Scene { meshes: vec![mesh(at)], nodes, ..Scene::default() }).unwrap()
+    };
+    let (mut random, mut hits, mut differ) = (Random(4), 0, 0);
+    for place in [Transform::IDENTITY, turned] {
+        let moving = world(None, &place);
+        assert!(moving.moves());
+        for time in [0.0, 0.25, 0.5, 1.0] {
+            let still = world(Some(time), &place);
+            for _ in 0..2000 {
+                let origin = random.cube().normalize() * 4.0;
+                let ray = Ray::new(origin, random.cube() * 1.2 - origin);
+                let [found, expected] =
+                    [moving.intersect_at(&ray, f32::INFINITY, time), still.intersect(&ray, f32::INFINITY)];
+                assert_eq!(found, moving.intersect_brute_force_at(&ray, f32::INFINITY, time));
+                let (Some(found), Some(expected)) = (found, expected) else {
+                    differ += u32::from(found.is_some() != expected.is_some());
+                    continue;
+                };
+                let [surface, other] = [moving.surface(&ray, &found), still.surface(&ray, &expected)];
+                assert!((surface.exact - other.exact).length() < 1e-5, "{surface:?} {other:?}");
+                assert!((surface.shading_normal - other.shading_normal).length() < 1e-3, "{surface:?} {other:?}");
+                hits += 1;
+            }
+        }
+    }
+    assert!(hits > 6000 && differ < 4, "{hits} hits, {differ} of only one");
+}
+
 /// A scene of few primitives, each of which is tested with whole ray batches. There are plain, rotated, mirroring and
-/// glass meshes, loose spheres and a plane. If `moves`, one mesh moves.
+/// glass meshes, loose spheres and a plane. If `moves`, one mesh moves, and the vertices of two others do.
 fn few_things(moves: bool) -> Scene {
     let phong = |kd: Rgb, k: f32, opacity: f32| Phong {
         kd,
@@ -50,9 +105,13 @@ fn few_things(moves: bool) -> Scene {
         let position = [x, y, z, w];
         Node::new(Content::Light(Light::new(LightKind::Omni(Omni { position, range: 0.0 }), Rgb::gray(0.5))))
     };
+    let mut meshes = vec![icosphere(4, 0.8, true), icosphere(2, 0.6, false), icosphere(0, 0.4, false)];
+    if moves {
+        meshes[..2].iter_mut().for_each(swell);
+    }
     Scene {
         materials,
-        meshes: vec![icosphere(4, 0.8, true), icosphere(2, 0.6, false), icosphere(0, 0.4, false)],
+        meshes,
         nodes: vec![
             Node::from(Shape::Plane(Plane { point: Vec3::NEG_Y * 0.5, normal: Vec3::Y })).with_material(0),
             Node::new(Content::Mesh(0)).with_material(0),

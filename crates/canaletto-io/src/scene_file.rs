@@ -8,7 +8,7 @@ use crate::text::{SceneDocument, set_in_model};
 use canaletto::Named;
 use canaletto::math::Transform;
 use canaletto::scene::{Extrinsics, Integrator, PathSettings, Scene};
-use canaletto::shape::Mesh;
+use canaletto::shape::{Mesh, MeshPose};
 use glam::DVec3;
 
 /// The reasons why a source can't be opened.
@@ -186,7 +186,8 @@ impl Model {
         Ok(around)
     }
 
-    /// Gives objects and cameras that move between poses their motion. Meshes that bend have none.
+    /// Gives objects, cameras and vertices that move between poses their motion. Objects and cameras go through all
+    /// poses, vertices on a line from the first to the last.
     fn blur(&self, scene: &mut Scene, poses: &[Scene]) -> Diagnostics {
         let mut warnings = Diagnostics::new();
         if poses.iter().any(|pose| pose.nodes.len() != scene.nodes.len() || pose.views.len() != scene.views.len()) {
@@ -208,15 +209,49 @@ impl Model {
                 view.motion = motion;
             }
         }
-        let bends = |(i, mesh): (usize, &Mesh)| {
-            poses.iter().any(|pose| pose.meshes.get(i).is_some_and(|other| other.positions != mesh.positions))
-        };
-        if let Some((_, mesh)) = scene.meshes.iter().enumerate().find(|mesh| bends(*mesh)) {
-            let message = format!("mesh \"{}\" bends while the shutter is open; it has no motion blur", mesh.name);
+        let [Some(first), Some(last)] = [poses.first(), poses.last()] else { return warnings };
+        // Nodes share a mesh while they have one pose.
+        if [first, last].iter().any(|pose| pose.meshes.len() != scene.meshes.len()) {
+            let message = "nodes of one mesh have equal poses only at times; vertices have no motion blur";
             warnings.push(Diagnostic::warning(&self.file, message));
+            return warnings;
+        }
+        for (i, mesh) in scene.meshes.iter_mut().enumerate() {
+            let [Some(open), Some(close)] = [first, last].map(|pose| pose.meshes.get(i)) else { continue };
+            if open.positions == close.positions && open.normals == close.normals {
+                continue;
+            }
+            if [open, close].iter().any(|pose| pose.len() != mesh.len()) {
+                let message =
+                    format!("mesh \"{}\" has other triangles later; its vertices have no motion blur", mesh.name);
+                warnings.push(Diagnostic::warning(&self.file, message));
+                continue;
+            }
+            let pose = pose_of(mesh, open);
+            (mesh.positions, mesh.normals, mesh.tangents) = (pose.positions, pose.normals, pose.tangents);
+            mesh.end_pose = Some(Box::new(pose_of(mesh, close)));
         }
         warnings
     }
+}
+
+/// The vertices of a mesh in the pose of another mesh with the same triangles. The other's vertices may have other
+/// numbers, since tangents split them.
+fn pose_of(mesh: &Mesh, posed: &Mesh) -> MeshPose {
+    let mut pose =
+        MeshPose { positions: mesh.positions.clone(), normals: mesh.normals.clone(), tangents: mesh.tangents.clone() };
+    let shift = posed.origin - mesh.origin;
+    for (to, from) in mesh.triangles.as_flattened().iter().zip(posed.triangles.as_flattened()) {
+        let (to, from) = (*to as usize, *from as usize);
+        pose.positions[to] = (posed.positions[from].as_dvec3() + shift).as_vec3();
+        if let (Some(to), Some(from)) = (pose.normals.get_mut(to), posed.normals.get(from)) {
+            *to = *from;
+        }
+        if let (Some(to), Some(from)) = (pose.tangents.get_mut(to), posed.tangents.get(from)) {
+            *to = from.truncate().extend(to.w);
+        }
+    }
+    pose
 }
 
 #[cfg(test)]

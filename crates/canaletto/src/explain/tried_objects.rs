@@ -46,7 +46,7 @@ pub(super) fn tried_objects(world: &World, ray: &DRay, time: f32, nearest: Optio
             }
             continue;
         }
-        let t = nearest_primitive(&primitives, &local);
+        let t = nearest_primitive(&primitives, &local, time);
         add(hit(number, 0), t, &|| format!("none of its {} primitives is met", primitives.len()));
     }
     // Objects that are met come first if not all fit.
@@ -71,11 +71,11 @@ fn try_shape(shape: &Shape, ray: &DRay) -> (Option<f64>, String) {
     (nearest, missed.unwrap_or_else(|| "its surface isn't met".to_owned()))
 }
 
-fn nearest_primitive(primitives: &Primitives, ray: &DRay) -> Option<f64> {
+fn nearest_primitive(primitives: &Primitives, ray: &DRay, time: f32) -> Option<f64> {
     let rounded = ray.rounded();
     let prepared = rounded.prepare();
     let t_of = |id: u32| match primitives {
-        Primitives::Mesh(mesh) => mesh.intersect_triangle(id as usize, &prepared, f32::INFINITY).map(|(t, ..)| t),
+        Primitives::Mesh(mesh) => mesh.intersect_triangle(id as usize, &prepared, f32::INFINITY, time).map(|(t, ..)| t),
         _ => primitives.shape(id).and_then(|(shape, _)| shape.intersect(&rounded, f32::INFINITY)).map(|hit| hit.t),
     };
     let nearest = (0..primitives.len() as u32).filter_map(t_of).fold(f32::INFINITY, f32::min);
@@ -91,7 +91,7 @@ pub(super) fn intersection_at(world: &World, ray: &DRay, hit: &Hit) -> Option<In
     let local = to_world.map_or(*ray, |to_world| ray.to_local(&to_world));
     match primitives {
         Primitives::Mesh(mesh) => {
-            let corners = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
+            let corners = mesh.corners_at(hit.primitive as usize, hit.time).map(|p| p.as_dvec3());
             Some(Intersection::of_triangle(corners, &local))
         }
         _ => Intersection::of(&primitives.shape(hit.primitive)?.0, &local),

@@ -50,6 +50,21 @@ pub struct Mesh {
     pub materials: Vec<u32>,
     /// Whether rays from behind pass through.
     pub one_sided: bool,
+    /// The vertices when the shutter closes, if they move against each other while it is open. Those above are the
+    /// vertices when it opens. Between the two, each moves along a line.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_pose: Option<Box<MeshPose>>,
+}
+
+/// What a mesh's vertices are at one time: lists as those of the [`Mesh`], of the same lengths.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeshPose {
+    /// The positions, relative to the mesh's origin.
+    pub positions: Vec<Vec3>,
+    /// The normals.
+    pub normals: Vec<Vec3>,
+    /// The tangents, whose w is that of the mesh.
+    pub tangents: Vec<Vec4>,
 }
 
 impl Mesh {
@@ -69,20 +84,29 @@ impl Mesh {
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
+    /// The corners of triangle `i` at a time in 0..=1, from when the shutter opens to when it closes.
+    pub fn corners_at(&self, i: usize, time: f32) -> [Vec3; 3] {
+        let open = self.corners(i);
+        self.end_pose
+            .as_ref()
+            .map_or(open, |pose| between(open, self.triangles[i].map(|v| pose.positions[v as usize]), time))
+    }
+
     /// The slot of triangle `i` in [`Mesh::materials`].
     pub fn slot(&self, i: usize) -> u32 {
         self.slots.get(i).copied().unwrap_or(0)
     }
 
-    /// The box around triangle `i`.
+    /// The box around triangle `i` over all times.
     pub fn triangle_bounds(&self, i: usize) -> Aabb {
-        let [a, b, c] = self.corners(i);
-        Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
+        let open = Aabb::from_points(self.corners(i));
+        if self.end_pose.is_none() { open } else { open.union(Aabb::from_points(self.corners_at(i, 1.0))) }
     }
 
-    /// The hit of triangle `i` as (t, u, v) with 0 < t ≤ t_max. One-sided meshes are only hit from the front.
-    pub fn intersect_triangle(&self, i: usize, ray: &PreparedRay, t_max: f32) -> Option<(f32, f32, f32)> {
-        let hit = kernel::intersect(ray, &Triangle::new(self.corners(i)), t_max)?;
+    /// The hit of triangle `i` at a time in 0..=1 as (t, u, v) with 0 < t ≤ t_max. One-sided meshes are only hit from
+    /// the front.
+    pub fn intersect_triangle(&self, i: usize, ray: &PreparedRay, t_max: f32, time: f32) -> Option<(f32, f32, f32)> {
+        let hit = kernel::intersect(ray, &Triangle::new(self.corners_at(i, time)), t_max)?;
         (hit.front || !self.one_sided).then_some((hit.t, hit.u, hit.v))
     }
 
@@ -94,15 +118,28 @@ impl Mesh {
         Corners { positions: of(&self.positions), normals: (!self.normals.is_empty()).then(|| of(&self.normals)) }
     }
 
-    /// The surface of triangle `i` at the point (1 − u − v) a + u b + v c. Without texture coordinates, its uv is (u,
-    /// v).
+    /// [`Mesh::triangle`] at a time in 0..=1.
+    pub(crate) fn triangle_at(&self, i: usize, time: f32) -> Corners {
+        let open = self.triangle(i);
+        let Some(pose) = &self.end_pose else { return open };
+        let of = |list: &[Vec3]| self.triangles[i].map(|v| list[v as usize]);
+        let normals = open.normals.map(|normals| {
+            let mean = between(normals, of(&pose.normals), time);
+            // Opposite normals have no mean.
+            [0, 1, 2].map(|k| if mean[k] == Vec3::ZERO { normals[k] } else { mean[k] })
+        });
+        Corners { positions: between(open.positions, of(&pose.positions), time), normals }
+    }
+
+    /// The surface of triangle `i` when the shutter opens, at the point (1 − u − v) a + u b + v c. Without texture
+    /// coordinates, its uv is (u, v).
     pub fn surface(&self, i: usize, u: f32, v: f32) -> Surface {
         self.dressed(i, self.triangle(i).surface(u, v), triangle::weights(u.into(), v.into()))
     }
 
-    /// The weights of triangle `i`'s corners at a hit of this line's ray.
-    pub(crate) fn weights_at(&self, i: usize, line: &DRay, hit: &ShapeHit) -> [f64; 3] {
-        let corners = self.triangle(i);
+    /// The weights of triangle `i`'s corners at a hit of this line's ray, at a time in 0..=1.
+    pub(crate) fn weights_at(&self, i: usize, line: &DRay, hit: &ShapeHit, time: f32) -> [f64; 3] {
+        let corners = self.triangle_at(i, time);
         match corners.is_large(line, hit.t) {
             true => corners.on_line(line).1,
             false => triangle::weights(hit.uv[0].into(), hit.uv[1].into()),
@@ -127,32 +164,37 @@ impl Mesh {
     }
 
     /// The texture coordinates of a set after the first on triangle `i`, where its corners have these weights, and
-    /// their gradients. None if the mesh lacks the set.
-    pub(crate) fn uv_in_set(&self, set: u32, i: usize, weights: [f64; 3]) -> Option<(DVec2, [DVec3; 2])> {
+    /// their gradients at a time in 0..=1. None if the mesh lacks the set.
+    pub(crate) fn uv_in_set(&self, set: u32, i: usize, weights: [f64; 3], time: f32) -> Option<(DVec2, [DVec3; 2])> {
         let uvs = self.more_uvs.get((set as usize).checked_sub(1)?)?;
         let corners = self.triangles[i].map(|v| uvs[v as usize].as_dvec2());
         let uv = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-        Some((uv, uv_gradients(corners, triangle::gradients(self.corners(i)))))
+        Some((uv, uv_gradients(corners, triangle::gradients(self.corners_at(i, time)))))
     }
 
     /// The tangent and the bitangent of triangle `i` for this unit shading normal, where its corners have these
-    /// weights. None if the mesh has no tangents.
-    pub(crate) fn tangent_frame(&self, i: usize, weights: [f64; 3], normal: DVec3) -> Option<[DVec3; 2]> {
+    /// weights, at a time in 0..=1. None if the mesh has no tangents.
+    pub(crate) fn tangent_frame(&self, i: usize, weights: [f64; 3], normal: DVec3, time: f32) -> Option<[DVec3; 2]> {
         if self.tangents.is_empty() {
             return None;
         }
-        let corners = self.triangles[i].map(|v| self.tangents[v as usize].as_dvec4());
-        let mean = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let mean_of = |tangents: &[Vec4]| {
+            let [a, b, c] = self.triangles[i].map(|v| tangents[v as usize].as_dvec4());
+            a * weights[0] + b * weights[1] + c * weights[2]
+        };
+        let open = mean_of(&self.tangents);
+        let mean = self.end_pose.as_ref().map_or(open, |pose| open.lerp(mean_of(&pose.tangents), time.into()));
         let tangent = mean.truncate().reject_from_normalized(normal).try_normalize()?;
         let side = if mean.w < 0.0 { -1.0 } else { 1.0 };
         Some([tangent, normal.cross(tangent) * side])
     }
 
-    /// The surface of triangle `i` at a hit of this line's ray.
-    pub fn surface_at(&self, i: usize, line: &DRay, hit: &ShapeHit) -> Surface {
-        let corners = self.triangle(i);
+    /// The surface of triangle `i` at a hit of this line's ray, at a time in 0..=1.
+    pub fn surface_at(&self, i: usize, line: &DRay, hit: &ShapeHit, time: f32) -> Surface {
+        let corners = self.triangle_at(i, time);
         if !corners.is_large(line, hit.t) {
-            return self.surface(i, hit.uv[0], hit.uv[1]);
+            let [u, v] = hit.uv;
+            return self.dressed(i, corners.surface(u, v), triangle::weights(u.into(), v.into()));
         }
         let (surface, weights) = corners.on_line(line);
         let surface = self.dressed(i, surface, weights);
@@ -178,18 +220,18 @@ impl Mesh {
         surface
     }
 
-    /// The surface differential of triangle `i` at the point (1 − u − v) a + u b + v c.
-    pub fn surface_differential(&self, i: usize, u: f32, v: f32) -> SurfaceDifferential {
-        let corners = self.corners(i);
+    /// The surface differential of triangle `i` at the point (1 − u − v) a + u b + v c, at a time in 0..=1.
+    pub fn surface_differential(&self, i: usize, u: f32, v: f32, time: f32) -> SurfaceDifferential {
+        let Corners { positions: corners, normals } = self.triangle_at(i, time);
         let gradients = triangle::gradients(corners);
         let indices = self.triangles[i].map(|v| v as usize);
         let mut surface_differential = SurfaceDifferential::flat(gradients[1], gradients[2]);
         if !self.uvs.is_empty() {
             surface_differential.gradients = uv_gradients(indices.map(|v| self.uvs[v].as_dvec2()), gradients);
         }
-        if !self.normals.is_empty() {
+        if let Some(normals) = normals {
             let n = triangle::cross(corners[0], corners[1], corners[2]).normalize_or(DVec3::Z);
-            let normals = facing(indices.map(|v| self.normals[v].as_dvec3().normalize_or(n)), n);
+            let normals = facing(normals.map(|normal| normal.as_dvec3().normalize_or(n)), n);
             let [wa, wb, wc] = triangle::weights(u.into(), v.into());
             let mean = normals[0] * wa + normals[1] * wb + normals[2] * wc;
             let length = mean.length();
@@ -259,6 +301,9 @@ impl Mesh {
                 "there are {slots} slots for {triangles} triangles; there must be none or one for each"
             )));
         }
+        if let Some(pose) = &self.end_pose {
+            self.check_pose(pose)?;
+        }
         let missing = |corners: &[u32; 3]| corners.iter().any(|v| *v as usize >= vertices);
         if let Some(i) = self.triangles.par_iter().position_first(missing) {
             let v = self.triangles[i].iter().find(|v| **v as usize >= vertices).unwrap_or(&0);
@@ -313,6 +358,37 @@ impl Mesh {
         }
         Ok(())
     }
+
+    /// Checks that a pose has the lists of the mesh, and that each number is finite.
+    fn check_pose(&self, pose: &MeshPose) -> Result<(), OutOfRange> {
+        let lists = [
+            ("positions", pose.positions.len(), self.positions.len()),
+            ("normals", pose.normals.len(), self.normals.len()),
+            ("tangents", pose.tangents.len(), self.tangents.len()),
+        ];
+        if let Some((name, of_pose, of_mesh)) = lists.into_iter().find(|(_, of_pose, of_mesh)| of_pose != of_mesh) {
+            let problem = format!("its pose when the shutter closes has {of_pose} {name}; the mesh has {of_mesh}");
+            return Err(OutOfRange::whole(problem));
+        }
+        let finite = |i: usize| {
+            pose.positions[i].is_finite()
+                && pose.normals.get(i).is_none_or(|n| n.is_finite())
+                && pose.tangents.get(i).is_none_or(|t| t.is_finite())
+        };
+        match (0..pose.positions.len()).find(|&i| !finite(i)) {
+            None => Ok(()),
+            Some(i) => {
+                let problem = format!("vertex {i} of its pose when the shutter closes must have finite numbers");
+                Err(OutOfRange::whole(problem))
+            }
+        }
+    }
+}
+
+/// The points between two others at a time in 0..=1, within the box around both.
+fn between(open: [Vec3; 3], close: [Vec3; 3], time: f32) -> [Vec3; 3] {
+    let at = |a: Vec3, b: Vec3| (a * (1.0 - time) + b * time).clamp(a.min(b), a.max(b));
+    [at(open[0], close[0]), at(open[1], close[1]), at(open[2], close[2])]
 }
 
 /// The gradients of texture coordinates, from those of the corners and the gradients of the corners' weights.

@@ -41,7 +41,7 @@ pub use cuboid::Cuboid;
 pub(crate) use cuboid16::CUBOID_RAYS;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
-pub use mesh::Mesh;
+pub use mesh::{Mesh, MeshPose};
 pub use parallelogram::Parallelogram;
 pub use partial::{Partial, Round};
 pub use plane::Plane;

@@ -715,6 +715,36 @@ fn clips_change_what_pointers_name() {
     assert_eq!(scene.meshes[0].positions[0], Vec3::Z);
 }
 
+/// Vertices that a clip moves while the shutter is open are blurred: they are where the clip has them when it opens and
+/// when it closes.
+#[test]
+fn clips_blur_vertices() {
+    let mut model = square();
+    let times = model.floats("SCALAR", 1, &[0.0, 1.0]);
+    let morph = model.floats("VEC3", 3, &[0., 0., 2.].repeat(4));
+    let weights = model.floats("SCALAR", 1, &[0.0, 1.0]);
+    primitive(&mut model)["targets"] = json!([{ "POSITION": morph }]);
+    model.set(json!({
+        "animations": [{
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": "weights" } }],
+            "samplers": [{ "input": times, "output": weights }],
+        }],
+    }));
+    let assets = MemoryAssets::new().with("a.glb", model.glb());
+    let staging = Staging { plays: true, ..Staging::default() };
+    let mut source =
+        crate::scene_file::open("a.glb", &assets, &["camera.shutter=0.3 1.5".to_owned()], &staging).unwrap();
+    // Frames are a 25th of a second, and z grows by 2 in a second.
+    let (scene, warnings) = source.scene(&assets, 6.0).unwrap();
+    assert_eq!(warnings.to_string(), "");
+    let close = scene.meshes[0].end_pose.as_ref().unwrap();
+    for (start, end) in scene.meshes[0].positions.iter().zip(&close.positions) {
+        assert!((start.z - 6.3 / 12.5).abs() < 1e-6 && (end.z - 7.5 / 12.5).abs() < 1e-6, "{start} {end}");
+    }
+    // After the clip's end the vertices rest.
+    assert!(source.scene(&assets, 25.0).unwrap().0.meshes[0].end_pose.is_none());
+}
+
 #[test]
 fn variants_choose_materials() {
     let mut model = square();

@@ -61,8 +61,8 @@ pub(super) struct Emitters {
 }
 
 impl Emitters {
-    /// The emitters of a world. Left out are planes, whose light paths find by chance. So do paths with the light of
-    /// materials that `is_taken` refuses. `radius` is that of the scene.
+    /// The emitters of a world. Left out are planes and meshes that deform, whose light paths find by chance. So do
+    /// paths with the light of materials that `is_taken` refuses. `radius` is that of the scene.
     pub(super) fn new(world: &World, radius: f64, is_taken: impl Fn(u32) -> bool) -> Emitters {
         let mut emitters = Emitters::default();
         let emits = |material: u32| world.materials()[material as usize].may_emit() && is_taken(material);
@@ -75,6 +75,9 @@ impl Emitters {
     fn add(&mut self, world: &World, number: u32, emits: &impl Fn(u32) -> bool, radius: f64) {
         let placed = world.placed_geometry(number, 0.0);
         let moves = world.placed_moves(number);
+        if matches!(placed.primitives, Primitives::Mesh(mesh) if mesh.end_pose.is_some()) {
+            return;
+        }
         let len = placed.primitives.len() as u32;
         let emitting = |primitive: u32| {
             let material = world.material_of_primitive(number, primitive);

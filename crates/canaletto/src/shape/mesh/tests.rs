@@ -112,10 +112,10 @@ fn uvs_and_colours_are_interpolated() {
 fn one_sided_meshes_are_not_met_from_behind() {
     let mut mesh = tent();
     let up = Ray::new(Vec3::new(0.25, -5.0, 0.25), Vec3::Y).prepare();
-    assert!(mesh.intersect_triangle(0, &up, f32::INFINITY).is_some());
+    assert!(mesh.intersect_triangle(0, &up, f32::INFINITY, 0.0).is_some());
     mesh.one_sided = true;
-    assert!(mesh.intersect_triangle(0, &up, f32::INFINITY).is_none());
-    assert!(mesh.intersect_triangle(0, &down().prepare(), f32::INFINITY).is_some());
+    assert!(mesh.intersect_triangle(0, &up, f32::INFINITY, 0.0).is_none());
+    assert!(mesh.intersect_triangle(0, &down().prepare(), f32::INFINITY, 0.0).is_some());
 }
 
 #[test]

@@ -116,7 +116,7 @@ fn a_smooth_meshs_patch_is_its_interpolation() {
         let normals = [(); 3].map(|()| unit(flat + random.cube() * 0.3)).to_vec();
         let mesh = Mesh { normals, ..mesh };
         let (u, v) = (random.within(0.1, 0.4), random.within(0.1, 0.4));
-        let (from, surface_differential) = (mesh.surface(0, u, v), mesh.surface_differential(0, u, v));
+        let (from, surface_differential) = (mesh.surface(0, u, v), mesh.surface_differential(0, u, v, 0.0));
         for (du, dv) in [(0.002, 0.0), (0.0, 0.002), (-0.001, 0.002)] {
             assert!(compare("mesh", &from, &mesh.surface(0, u + du, v + dv), &surface_differential, 1.0), "{n}");
         }

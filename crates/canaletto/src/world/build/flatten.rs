@@ -265,6 +265,12 @@ impl Builder {
                 self.object(node, "mesh", part);
                 let (geometry, moved) = self.mesh_geometry(node, *index, [own, inherited], &transform)?;
                 let to_world = if moved { None } else { self.place_of(geometry, &transform) };
+                if self.geometries[geometry as usize].deforms() {
+                    let instance = Instance::of(geometry, part.object_numbers.last());
+                    let instance = Instance { material: own, inherited, casts_shadow, ..instance };
+                    let moving = self.moving(&instance, TransformChain::still(to_world.unwrap_or_default()))?;
+                    return self.instance(part, moving);
+                }
                 self.geometry_instance(part, geometry, [own, inherited], to_world, casts_shadow)
             }
             Content::Spheres(index) => {

@@ -43,6 +43,11 @@ impl Builder {
             _ => by,
         };
         if (0..mesh.materials.len().max(1) as u32).any(|slot| self.displacement.displaces(of_slot(slot))) {
+            if mesh.end_pose.is_some() {
+                let problem =
+                    "its vertices move while the shutter is open, and a material displaces it; it can't be both";
+                return Err(self.invalid(object, problem));
+            }
             let materials: Vec<u32> = (0..mesh.materials.len().max(1) as u32).map(of_slot).collect();
             let of_slot = |slot: u32| materials.get(slot as usize).copied().unwrap_or(NONE);
             mesh = self.displacement.mesh(mesh, &of_slot).map_err(|problem| self.invalid(object, problem))?;
@@ -51,14 +56,19 @@ impl Builder {
         if own == NONE {
             required_spaces = mesh.materials.iter().fold(required_spaces, |all, m| all.and(self.required_spaces(*m)));
         }
-        let moved = self.mesh_uses[index as usize] == 1 && (required_spaces.allow_mesh() || transform.is_identity());
+        let may_move = required_spaces.allow_mesh() && mesh.end_pose.is_none();
+        let moved = self.mesh_uses[index as usize] == 1 && (may_move || transform.is_identity());
         if moved && !transform.is_identity() {
             move_mesh(&mut mesh, transform);
             mesh.check().map_err(|problem| self.invalid(object, format!("after its transforms, {problem}")))?;
             mesh.origin = DVec3::ZERO;
         }
         if !moved && !transform.is_identity() {
-            mesh.origin += near(&mut mesh.positions);
+            let origin = near(&mut mesh.positions);
+            if let Some(pose) = &mut mesh.end_pose {
+                relative(&mut pose.positions, origin);
+            }
+            mesh.origin += origin;
         }
         let origin = mesh.origin;
         let geometry = self.push_mesh(mesh, object)?;
@@ -169,10 +179,15 @@ impl Builder {
 /// Makes points that lie far from zero relative to their middle, without error. Returns that origin.
 fn near(points: &mut [Vec3]) -> DVec3 {
     let origin = origin_of(span(points), FAR);
+    relative(points, origin);
+    origin
+}
+
+/// Makes points relative to an origin.
+fn relative(points: &mut [Vec3], origin: DVec3) {
     if origin != DVec3::ZERO {
         points.par_iter_mut().for_each(|p| *p = (p.as_dvec3() - origin).as_vec3());
     }
-    origin
 }
 
 /// Transforms a mesh's vertices. A mirroring transform swaps corners, so that they stay counter-clockwise seen from

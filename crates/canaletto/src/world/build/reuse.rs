@@ -7,6 +7,7 @@
 use crate::shape::{CylinderCloud, Mesh, SphereCloud};
 use crate::world::data::geometry::Geometry;
 use crate::world::data::instance::NONE;
+use crate::world::data::mesh_tree::MeshTree;
 use crate::world::{BuildError, Names, SceneGeometry, World};
 use canaletto_bvh::{self as bvh, Quality, TriangleBvh};
 use std::collections::HashMap;
@@ -127,14 +128,17 @@ impl Geometry {
     ) -> Found {
         let usable =
             |(old, tree): &(Mesh, TriangleBvh)| tree.quality() == quality && same(&old.triangles, &mesh.triangles);
-        if let Some((old, mut triangles)) = mesh_of(before).filter(usable) {
+        let before = if mesh.end_pose.is_none() { mesh_of(before) } else { None };
+        if let Some((old, mut triangles)) = before.filter(usable) {
             if same(&old.positions, &mesh.positions) {
+                let triangles = MeshTree::Still(triangles);
                 return Ok((Geometry::Mesh { triangles, mesh: Box::new(mesh) }, Origin::Kept));
             }
             drop(old);
             if let Some(most) = slack.most(mesh.len()) {
                 let built = triangles.refit_within(most, |id| mesh.corners(id as usize))?;
                 let origin = if built { Origin::Built } else { Origin::Refitted };
+                let triangles = MeshTree::Still(triangles);
                 return Ok((Geometry::Mesh { triangles, mesh: Box::new(mesh) }, origin));
             }
         }
@@ -167,7 +171,7 @@ impl Geometry {
 
 fn mesh_of(geometry: Option<Geometry>) -> Option<(Mesh, TriangleBvh)> {
     match geometry {
-        Some(Geometry::Mesh { triangles, mesh }) => Some((*mesh, triangles)),
+        Some(Geometry::Mesh { triangles: MeshTree::Still(triangles), mesh }) => Some((*mesh, triangles)),
         _ => None,
     }
 }

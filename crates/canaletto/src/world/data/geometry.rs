@@ -6,9 +6,10 @@ use crate::shape::{
 };
 use crate::world::WorldStats;
 use crate::world::data::instance::NONE;
+use crate::world::data::mesh_tree::MeshTree;
 use canaletto_bvh::{
-    Aabb, BuildError, FilterFunction, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, TriangleBvh,
-    UserPrimitive, sphere,
+    Aabb, BuildError, FilterFunction, PreparedRay, Primitive, PrimitiveBvh, PrimitiveHit, Quality, Ray, UserPrimitive,
+    sphere,
 };
 use canaletto_parallel::prelude::*;
 
@@ -22,7 +23,7 @@ pub(in crate::world) enum Geometry {
     /// instance's first object. The tree holds copies of the spheres and cylinders.
     Shapes { tree: PrimitiveBvh, shapes: Vec<Shape>, objects: Vec<u32>, materials: Vec<u32> },
     /// A mesh. The tree holds a copy of the corners for ray tests.
-    Mesh { triangles: TriangleBvh, mesh: Box<Mesh> },
+    Mesh { triangles: MeshTree, mesh: Box<Mesh> },
     /// A cloud of spheres. The tree holds a copy for ray tests.
     Spheres { tree: PrimitiveBvh, cloud: SphereCloud },
     /// A cloud of cylinders. The tree holds a copy for ray tests.
@@ -79,7 +80,7 @@ impl Geometry {
     }
 
     pub(in crate::world) fn mesh(mesh: Mesh, quality: Quality) -> Result<Geometry, BuildError> {
-        let triangles = TriangleBvh::build_with(quality, mesh.len(), |id| mesh.corners(id as usize))?;
+        let triangles = MeshTree::build(&mesh, quality)?;
         Ok(Geometry::Mesh { triangles, mesh: Box::new(mesh) })
     }
 
@@ -142,18 +143,25 @@ impl Geometry {
         }
     }
 
-    /// The nearest hit at or before `t_max`, or [`PrimitiveHit::NONE`]. The caller resolves ties with hits elsewhere.
-    pub(in crate::world) fn intersect(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
+    /// The nearest hit at or before `t_max` at a time in 0..=1, or [`PrimitiveHit::NONE`]. The caller resolves ties
+    /// with hits elsewhere.
+    pub(in crate::world) fn intersect(&self, ray: &PreparedRay, t_max: f32, time: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                triangles.intersect(ray, &mut met, mesh.one_sided);
+                triangles.intersect(mesh, ray, &mut met, time);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect(ray, &mut met, &cylinder(cloud)),
         }
         met
+    }
+
+    /// Whether the primitives move against each other while the shutter is open. Instances of such a geometry have a
+    /// chain, even if it stands still, so that whatever asks for motion finds it.
+    pub(in crate::world) fn deforms(&self) -> bool {
+        matches!(self, Geometry::Mesh { triangles: MeshTree::Moving(_), .. })
     }
 
     /// Whether a test of all primitives is cheaper than a traversal of the tree.
@@ -166,14 +174,14 @@ impl Geometry {
         }
     }
 
-    /// [`Geometry::intersect`] for a ray that isn't prepared. Geometries that [are few](Geometry::is_few) rarely need a
-    /// prepared ray.
+    /// [`Geometry::intersect`] for a ray that isn't prepared, at a geometry that [is few](Geometry::is_few) and thus no
+    /// mesh. Such geometries rarely need a prepared ray.
     pub(in crate::world) fn intersect_few(&self, ray: &Ray, t_max: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Spheres { tree, .. } => tree.intersect_few(ray, &mut met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_few(ray, &mut met, &cylinder(cloud)),
-            _ => return self.intersect(&ray.prepare(), t_max),
+            _ => return self.intersect(&ray.prepare(), t_max, 0.0),
         }
         met
     }
@@ -183,17 +191,23 @@ impl Geometry {
         match self {
             Geometry::Spheres { tree, .. } => tree.occluded_few(ray, t_max, &none, blocks),
             Geometry::Cylinders { tree, cloud } => tree.occluded_few(ray, t_max, &cylinder(cloud), blocks),
-            _ => self.occluded(&ray.prepare(), t_max, blocks),
+            _ => self.occluded(&ray.prepare(), t_max, 0.0, blocks),
         }
     }
 
-    /// The hit of a ray on one primitive at or before `t_max`.
-    pub(in crate::world) fn intersect_one(&self, primitive: u32, ray: &PreparedRay, t_max: f32) -> Option<ShapeHit> {
+    /// The hit of a ray on one primitive at or before `t_max`, at a time in 0..=1.
+    pub(in crate::world) fn intersect_one(
+        &self,
+        primitive: u32,
+        ray: &PreparedRay,
+        t_max: f32,
+        time: f32,
+    ) -> Option<ShapeHit> {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].intersect(ray.ray(), t_max),
             Geometry::Mesh { mesh, .. } => {
-                let [a, b, c] = mesh.corners(id);
+                let [a, b, c] = mesh.corners_at(id, time);
                 Triangle { a, b, c, one_sided: mesh.one_sided }.intersect(ray.ray(), t_max)
             }
             Geometry::Spheres { cloud, .. } => cloud.sphere(id).intersect(ray.ray(), t_max),
@@ -205,7 +219,7 @@ impl Geometry {
     /// `t_max` of each ray and takes the results.
     pub(in crate::world) fn intersect_coherent(&self, rays: &[Ray], met: &mut [PrimitiveHit]) {
         match self {
-            Geometry::Mesh { triangles, mesh } => triangles.intersect_coherent(rays, met, mesh.one_sided),
+            Geometry::Mesh { triangles, mesh } => triangles.intersect_coherent(mesh, rays, met),
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_coherent(rays, met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_coherent(rays, met, &none),
             Geometry::Cylinders { tree, cloud } => tree.intersect_coherent(rays, met, &cylinder(cloud)),
@@ -216,7 +230,7 @@ impl Geometry {
     /// nearly parallel.
     pub(in crate::world) fn occluded_coherent(&self, rays: &[Ray], t_max: &mut [f32]) {
         match self {
-            Geometry::Mesh { triangles, mesh } => triangles.occluded_coherent(rays, t_max, mesh.one_sided),
+            Geometry::Mesh { triangles, mesh } => triangles.occluded_coherent(mesh, rays, t_max),
             Geometry::Shapes { tree, shapes, .. } => tree.occluded_coherent(rays, t_max, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.occluded_coherent(rays, t_max, &none),
             Geometry::Cylinders { tree, cloud } => tree.occluded_coherent(rays, t_max, &cylinder(cloud)),
@@ -225,9 +239,15 @@ impl Geometry {
 
     /// The slot of a primitive that is hit at or before `t_max` and for which `blocks` returns true, if there is one.
     /// `blocks` is called through a pointer, so that the kernels are compiled once.
-    pub(in crate::world) fn occluded(&self, ray: &PreparedRay, t_max: f32, blocks: &mut FilterFunction) -> Option<u32> {
+    pub(in crate::world) fn occluded(
+        &self,
+        ray: &PreparedRay,
+        t_max: f32,
+        time: f32,
+        blocks: &mut FilterFunction,
+    ) -> Option<u32> {
         match self {
-            Geometry::Mesh { triangles, mesh } => triangles.occluded(ray, t_max, mesh.one_sided, blocks),
+            Geometry::Mesh { triangles, mesh } => triangles.occluded(mesh, ray, t_max, time, blocks),
             Geometry::Shapes { tree, shapes, .. } => tree.occluded(ray, t_max, &other(shapes), blocks),
             Geometry::Spheres { tree, .. } => tree.occluded(ray, t_max, &none, blocks),
             Geometry::Cylinders { tree, cloud } => tree.occluded(ray, t_max, &cylinder(cloud), blocks),
@@ -235,9 +255,9 @@ impl Geometry {
     }
 
     /// Whether the primitive in this slot is hit at or before `t_max`.
-    pub(in crate::world) fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32) -> bool {
+    pub(in crate::world) fn blocks(&self, place: u32, ray: &PreparedRay, t_max: f32, time: f32) -> bool {
         match self {
-            Geometry::Mesh { triangles, mesh } => triangles.is_hit_at(place, ray, t_max, mesh.one_sided),
+            Geometry::Mesh { triangles, mesh } => triangles.is_hit_at(mesh, place, ray, t_max, time),
             Geometry::Shapes { tree, shapes, .. } => tree.is_hit_at(place, ray, t_max, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.is_hit_at(place, ray, t_max, &none),
             Geometry::Cylinders { tree, cloud } => tree.is_hit_at(place, ray, t_max, &cylinder(cloud)),
@@ -245,11 +265,11 @@ impl Geometry {
     }
 
     /// [`Geometry::intersect`] by a test of every primitive: the reference for tests of the hierarchy.
-    pub(in crate::world) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32) -> PrimitiveHit {
+    pub(in crate::world) fn intersect_brute_force(&self, ray: &PreparedRay, t_max: f32, time: f32) -> PrimitiveHit {
         let mut met = PrimitiveHit::none(t_max);
         match self {
             Geometry::Mesh { triangles, mesh } => {
-                triangles.intersect_brute_force(ray, &mut met, mesh.one_sided);
+                triangles.intersect_brute_force(mesh, ray, &mut met, time);
             }
             Geometry::Shapes { tree, shapes, .. } => tree.intersect_brute_force(ray, &mut met, &other(shapes)),
             Geometry::Spheres { tree, .. } => tree.intersect_brute_force(ray, &mut met, &none),
@@ -258,39 +278,46 @@ impl Geometry {
         met
     }
 
-    /// The second stage of a hit, in this geometry's space.
-    pub(in crate::world) fn surface(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
+    /// The second stage of a hit at a time in 0..=1, in this geometry's space.
+    pub(in crate::world) fn surface(&self, line: DRay, primitive: u32, hit: &ShapeHit, time: f32) -> Surface {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].surface(line, hit),
-            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit),
+            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit, time),
             Geometry::Spheres { cloud, .. } => cloud.surface(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface(id, line, hit),
         }
     }
 
     /// [`Geometry::surface`] without texture coordinates, which may be undefined.
-    pub(in crate::world) fn surface_without_uv(&self, line: DRay, primitive: u32, hit: &ShapeHit) -> Surface {
+    pub(in crate::world) fn surface_without_uv(
+        &self,
+        line: DRay,
+        primitive: u32,
+        hit: &ShapeHit,
+        time: f32,
+    ) -> Surface {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].surface_without_uv(line, hit),
-            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit),
+            Geometry::Mesh { mesh, .. } => mesh.surface_at(id, &line, hit, time),
             Geometry::Spheres { cloud, .. } => cloud.surface_without_uv(id, line, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface_without_uv(id, line, hit),
         }
     }
 
-    /// The surface differential at a hit with this surface, in the geometry's space.
+    /// The surface differential at a hit with this surface at a time in 0..=1, in the geometry's space.
     pub(in crate::world) fn surface_differential(
         &self,
         primitive: u32,
         hit: &ShapeHit,
         surface: &Surface,
+        time: f32,
     ) -> SurfaceDifferential {
         let id = primitive as usize;
         match self {
             Geometry::Shapes { shapes, .. } => shapes[id].surface_differential(surface, hit),
-            Geometry::Mesh { mesh, .. } => mesh.surface_differential(id, hit.uv[0], hit.uv[1]),
+            Geometry::Mesh { mesh, .. } => mesh.surface_differential(id, hit.uv[0], hit.uv[1], time),
             Geometry::Spheres { cloud, .. } => cloud.surface_differential(id, surface, hit),
             Geometry::Cylinders { cloud, .. } => cloud.surface_differential(id, surface, hit),
         }
@@ -332,7 +359,7 @@ impl Geometry {
             Geometry::Shapes { tree, .. } | Geometry::Spheres { tree, .. } | Geometry::Cylinders { tree, .. } => {
                 tree.statistics().bytes as u64
             }
-            Geometry::Mesh { triangles, .. } => triangles.statistics().bytes as u64,
+            Geometry::Mesh { triangles, .. } => triangles.bytes() as u64,
         };
         stats.bytes += match self {
             Geometry::Shapes { shapes, .. } => {
@@ -346,6 +373,9 @@ impl Geometry {
                     + list(8, mesh.uvs.len() + sets)
                     + list(16, mesh.tangents.len())
                     + list(4, mesh.slots.len() + mesh.alphas.len())
+                    + mesh.end_pose.as_ref().map_or(0, |pose| {
+                        list(12, pose.positions.len() + pose.normals.len()) + list(16, pose.tangents.len())
+                    })
             }
             Geometry::Spheres { cloud, .. } => {
                 stats.cloud_spheres += n;
@@ -430,21 +460,21 @@ mod tests {
                 let mut stream = vec![PrimitiveHit::none(f32::INFINITY); rays.len()];
                 tree.intersect_stream(&prepared, &mut stream, &cylinder(cloud));
                 for (ray, met) in prepared.iter().zip(stream) {
-                    let expected = real(geometry.intersect_brute_force(ray, f32::INFINITY));
+                    let expected = real(geometry.intersect_brute_force(ray, f32::INFINITY, 0.0));
                     let bits = |n: Option<PrimitiveHit>| n.map(|n| (n.t.to_bits(), n.id, n.part));
                     assert_eq!(bits(real(met)), bits(expected), "{scale} {:?}", ray.ray());
                     let t = expected.map_or(1.0, |n| n.t);
                     for t_max in [f32::INFINITY, t, t.next_down()] {
                         let expected = expected.filter(|n| n.t <= t_max);
                         assert_eq!(
-                            bits(real(geometry.intersect(ray, t_max))),
+                            bits(real(geometry.intersect(ray, t_max, 0.0))),
                             bits(expected),
                             "{scale} {:?}",
                             ray.ray()
                         );
-                        let place = geometry.occluded(ray, t_max, &mut |_| true);
+                        let place = geometry.occluded(ray, t_max, 0.0, &mut |_| true);
                         assert_eq!(place.is_some(), expected.is_some(), "{scale} {:?} {t_max}", ray.ray());
-                        assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max)));
+                        assert!(place.is_none_or(|place| geometry.blocks(place, ray, t_max, 0.0)));
                     }
                     hits += usize::from(expected.is_some());
                 }
@@ -470,8 +500,10 @@ mod tests {
                 })
                 .collect();
             let geometry = Geometry::cylinders(cloud).unwrap();
-            let expected: Vec<Option<PrimitiveHit>> =
-                rays.iter().map(|ray| real(geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY))).collect();
+            let expected: Vec<Option<PrimitiveHit>> = rays
+                .iter()
+                .map(|ray| real(geometry.intersect_brute_force(&ray.prepare(), f32::INFINITY, 0.0)))
+                .collect();
             let ends: Vec<f32> = expected.iter().map(|n| n.map_or(f32::INFINITY, |n| n.t)).collect();
             for set in InstructionSet::available() {
                 set.limit();
@@ -543,9 +575,11 @@ mod tests {
                 .collect();
             let geometry = Geometry::shapes(shapes, vec![0; 60], vec![0; 60]).unwrap();
             for ray in near.iter().map(Ray::prepare) {
-                let [tree, all] =
-                    [geometry.intersect(&ray, f32::INFINITY), geometry.intersect_brute_force(&ray, f32::INFINITY)]
-                        .map(|n| (n.t.to_bits(), n.id, n.part));
+                let [tree, all] = [
+                    geometry.intersect(&ray, f32::INFINITY, 0.0),
+                    geometry.intersect_brute_force(&ray, f32::INFINITY, 0.0),
+                ]
+                .map(|n| (n.t.to_bits(), n.id, n.part));
                 assert_eq!(tree, all, "{:?}", ray.ray());
                 hits += usize::from(tree.1 != PrimitiveHit::NONE);
             }

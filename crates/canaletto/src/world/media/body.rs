@@ -194,13 +194,14 @@ impl World {
             let geometry = &self.geometry.geometries[placed.geometry as usize];
             placed.with_local_ray(&ray.prepare(), &self.geometry.chains, time, |ray| {
                 let mut meet = |primitive: u32| {
-                    if let Some(ShapeHit { t, part, uv }) = geometry.intersect_one(primitive, ray, f32::INFINITY) {
+                    if let Some(ShapeHit { t, part, uv }) = geometry.intersect_one(primitive, ray, f32::INFINITY, time)
+                    {
                         ahead.push(Hit { t, instance, primitive, part, uv, time });
                     }
                     false
                 };
                 if body.overlaps_itself {
-                    geometry.occluded(ray, f32::INFINITY, &mut meet);
+                    geometry.occluded(ray, f32::INFINITY, time, &mut meet);
                 } else {
                     meet(part);
                 }
@@ -245,8 +246,8 @@ impl World {
         self.any_instance(&ray.prepare(), t_max, &mut |instance, number| {
             let geometry = &self.geometry.geometries[instance.geometry as usize];
             instance.with_local_ray(&ray.prepare(), &self.geometry.chains, time, |ray| {
-                geometry.occluded(ray, t_max, &mut |primitive| {
-                    if let Some(ShapeHit { part, uv, .. }) = geometry.intersect_one(primitive, ray, t_max) {
+                geometry.occluded(ray, t_max, time, &mut |primitive| {
+                    if let Some(ShapeHit { part, uv, .. }) = geometry.intersect_one(primitive, ray, t_max, time) {
                         f(Hit { instance: number, primitive, part, uv, ..nowhere });
                     }
                     false

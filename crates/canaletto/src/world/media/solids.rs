@@ -159,9 +159,9 @@ impl<'w> Solids<'w> {
         let Some(shells) = &self.shells[placed.geometry as usize] else { return 0 };
         let mut met = Vec::new();
         placed.with_local_ray(&ray.prepare(), &self.world.geometry.chains, 0.0, |local| {
-            geometry.occluded(local, f32::INFINITY, &mut |triangle| {
+            geometry.occluded(local, f32::INFINITY, 0.0, &mut |triangle| {
                 if shells.around(triangle).is_some_and(|(slot, _)| slot == solid.part)
-                    && geometry.intersect_one(triangle, local, f32::INFINITY).is_some()
+                    && geometry.intersect_one(triangle, local, f32::INFINITY, 0.0).is_some()
                 {
                     let [a, b, c] = mesh.corners(triangle as usize).map(Vec3::as_dvec3);
                     let leaves = (b - a).cross(c - a).dot(local.ray().direction.as_dvec3()) > 0.0;

@@ -9,7 +9,7 @@ use crate::world::data::instance::{Instance, NONE};
 use crate::world::trace::occlusion::{OccluderCache, Occlusion};
 use crate::world::trace::query::Hit;
 use crate::world::trace::rays::{RayRange, Rays};
-use canaletto_bvh::{Aabb, PrimitiveHit, Ray};
+use canaletto_bvh::{Aabb, PreparedRay, PrimitiveHit, Ray};
 
 /// A query for the rays of a batch.
 pub(in crate::world) trait BatchQuery {
@@ -44,11 +44,18 @@ pub(in crate::world) struct Target<'a> {
     pub(in crate::world) admitted: Option<(&'a [Ray], Aabb)>,
     /// Whether it may let light through.
     pub(in crate::world) may_be_clear: bool,
+    /// The times of the batch's rays; see [`BatchRays::times`].
+    pub(in crate::world) times: &'a [f32],
 }
 
 impl Target<'_> {
     fn geometry(&self) -> &Geometry {
         &self.world.geometry.geometries[self.instance.geometry as usize]
+    }
+
+    /// The time of the ray with this number.
+    fn time(&self, number: usize) -> f32 {
+        self.times.get(number).copied().unwrap_or(0.0)
     }
 
     /// Whether the ray with this number may hit the instance at or before `t_max`.
@@ -120,11 +127,18 @@ impl BatchQuery for NearestHits<'_> {
         self.nearest[ray].t
     }
 
-    fn meet(&mut self, target: &Target, part: RayRange, numbers: impl Iterator<Item = usize> + Clone) {
+    fn meet(&mut self, target: &Target, mut part: RayRange, numbers: impl Iterator<Item = usize> + Clone) {
         let NearestHits { nearest, found } = self;
         found.clear();
-        found.extend(numbers.clone().map(|number| PrimitiveHit::none(nearest[number].t)));
-        target.geometry().intersect_batch(part, found);
+        let geometry = target.geometry();
+        if geometry.deforms() {
+            let one =
+                |(ray, number): (&PreparedRay, usize)| geometry.intersect(ray, nearest[number].t, target.time(number));
+            found.extend(part.prepare().iter().zip(numbers.clone()).map(one));
+        } else {
+            found.extend(numbers.clone().map(|number| PrimitiveHit::none(nearest[number].t)));
+            geometry.intersect_batch(part, found);
+        }
         for (number, &found) in numbers.zip(&**found) {
             let best = &mut nearest[number];
             if let Some(hit) = best.nearer(target.number, found)
@@ -177,12 +191,25 @@ impl BatchQuery for Blockers<'_> {
         self.open[ray]
     }
 
-    fn meet(&mut self, target: &Target, part: RayRange, numbers: impl Iterator<Item = usize> + Clone) {
+    fn meet(&mut self, target: &Target, mut part: RayRange, numbers: impl Iterator<Item = usize> + Clone) {
         let Blockers { open, occlusion, ends, last } = self;
         let Target { world, instance, .. } = *target;
         ends.clear();
         ends.extend(numbers.clone().map(|number| open[number]));
-        if target.may_be_clear {
+        if target.geometry().deforms() {
+            for ((ray, end), number) in part.prepare().iter().zip(&mut **ends).zip(numbers.clone()) {
+                let blocks = &mut |primitive| {
+                    let opaque = !target.may_be_clear || world.material_at(instance, primitive).is_opaque();
+                    if !opaque {
+                        occlusion[number] = Occlusion::Clear;
+                    }
+                    opaque
+                };
+                if target.geometry().occluded(ray, *end, target.time(number), blocks).is_some() {
+                    *end = f32::NEG_INFINITY;
+                }
+            }
+        } else if target.may_be_clear {
             target.geometry().occlusion_batch(part, ends, |index, primitive| {
                 let opaque = world.material_at(instance, primitive).is_opaque();
                 if !opaque && let Some(number) = numbers.clone().nth(index) {

@@ -237,7 +237,7 @@ impl World {
                 continue;
             }
             let may_be_clear = self.may_let_light_through(number);
-            let target = Target { world: self, instance, number, admitted: None, may_be_clear };
+            let target = Target { world: self, instance, number, admitted: None, may_be_clear, times };
             for_candidate_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
                     let groups = range.start / GROUP..range.end.div_ceil(GROUP);
@@ -261,7 +261,8 @@ impl Geometry {
         }
     }
 
-    /// [`Geometry::intersect`] for many rays. `found` holds the `t_max` of each ray and takes the results.
+    /// [`Geometry::intersect`] for many rays at a geometry that doesn't [deform](Geometry::deforms). `found` holds the
+    /// `t_max` of each ray and takes the results.
     pub(in crate::world) fn intersect_batch(&self, mut part: RayRange, found: &mut [PrimitiveHit]) {
         match self {
             _ if self.has_packets_of(part.rays()) => self.intersect_coherent(part.rays(), found),
@@ -273,14 +274,14 @@ impl Geometry {
             }
             _ => {
                 for (ray, found) in part.prepare().iter().zip(found) {
-                    *found = self.intersect(ray, found.t);
+                    *found = self.intersect(ray, found.t, 0.0);
                 }
             }
         }
     }
 
-    /// Sets `t_max` to −∞ for each ray that hits something at or before it. `last` returns the slot of the last
-    /// occluder, or [`NONE`].
+    /// Sets `t_max` to −∞ for each ray that hits something of a geometry that doesn't deform at or before it. `last`
+    /// returns the slot of the last occluder, or [`NONE`].
     pub(in crate::world) fn occluded_batch<'a>(
         &self,
         mut part: RayRange,
@@ -295,8 +296,8 @@ impl Geometry {
             let last = last();
             end(part.prepare(), t_max, |_, ray, t_max| {
                 // Once a ray is outside the occluder's shadow, further tests of it rarely succeed.
-                if *last == NONE || !self.blocks(*last, ray, t_max) {
-                    *last = self.occluded(ray, t_max, &mut |_| true).unwrap_or(NONE);
+                if *last == NONE || !self.blocks(*last, ray, t_max, 0.0) {
+                    *last = self.occluded(ray, t_max, 0.0, &mut |_| true).unwrap_or(NONE);
                 }
                 *last != NONE
             });
@@ -317,7 +318,7 @@ impl Geometry {
                 self.occluded_few(ray, t_max, &mut |primitive| blocks(index, primitive)).is_some()
             }),
             _ => end(part.prepare(), t_max, |index, ray, t_max| {
-                self.occluded(ray, t_max, &mut |primitive| blocks(index, primitive)).is_some()
+                self.occluded(ray, t_max, 0.0, &mut |primitive| blocks(index, primitive)).is_some()
             }),
         }
     }

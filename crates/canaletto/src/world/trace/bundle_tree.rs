@@ -92,7 +92,8 @@ impl World {
                 let (instance, number) = (&root.instances[index as usize], root.first(index));
                 if instance.group == NONE {
                     let may_be_clear = self.may_let_light_through(index);
-                    let target = Target { world: self, instance, number, admitted: None, may_be_clear };
+                    let target =
+                        Target { world: self, instance, number, admitted: None, may_be_clear, times: rays.times };
                     self.meet_member(rays, query, buffers, entering, &target);
                 } else {
                     let way = InstancePath::to(instance, number, None, &self.geometry.groups);
@@ -152,7 +153,7 @@ impl World {
                 let instance = &way.placed(member);
                 let admitted = Some((rays.rays, self.bounds_of(instance)));
                 let may_be_clear = self.member_may_let_light_through(instance);
-                let target = Target { world: self, instance, number, admitted, may_be_clear };
+                let target = Target { world: self, instance, number, admitted, may_be_clear, times: rays.times };
                 if !query.counts(instance) {
                     return;
                 }

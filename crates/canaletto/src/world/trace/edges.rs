@@ -65,7 +65,7 @@ impl World {
             let Geometry::Mesh { mesh, .. } = &self.geometry.geometries[instance.geometry as usize] else {
                 return None;
             };
-            let local = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
+            let local = mesh.corners_at(hit.primitive as usize, hit.time).map(|p| p.as_dvec3());
             let [a, b, c] = local;
             let largest = a.abs().max(b.abs()).max(c.abs());
             let Some(to_world) = instance.placed(&self.geometry.chains, hit.time) else {

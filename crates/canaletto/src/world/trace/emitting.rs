@@ -55,7 +55,7 @@ impl World {
                 let shape = match &self.geometry.geometries[instance.geometry as usize] {
                     Geometry::Shapes { shapes, .. } => shapes[id],
                     Geometry::Mesh { mesh, .. } => {
-                        let [a, b, c] = mesh.corners(id);
+                        let [a, b, c] = mesh.corners_at(id, time);
                         Shape::Triangle(Triangle { a, b, c, one_sided: false })
                     }
                     Geometry::Spheres { cloud, .. } => cloud.sphere(id).into(),

@@ -150,7 +150,7 @@ impl World {
             self.with_instance(instance, |placed| {
                 let geometry = &self.geometry.geometries[placed.geometry as usize];
                 placed.with_local_ray(&ray.prepare(), &self.geometry.chains, 0.0, |ray| {
-                    geometry.intersect_one(primitive, ray, 1.0)
+                    geometry.intersect_one(primitive, ray, 1.0, 0.0)
                 })
             })
         };

@@ -295,7 +295,7 @@ impl World {
         let t_max = (2.0 * height) as f32 * (1.0 + gamma(4));
         let found = self.with_instance(hit.instance, |instance| {
             instance.with_local_ray(&ray, &self.geometry.chains, 0.0, |ray| {
-                self.geometry.geometries[instance.geometry as usize].intersect_one(hit.primitive, ray, t_max)
+                self.geometry.geometries[instance.geometry as usize].intersect_one(hit.primitive, ray, t_max, 0.0)
             })
         });
         match found {

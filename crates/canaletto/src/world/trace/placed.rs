@@ -59,7 +59,7 @@ pub(crate) struct MeshFacet<'a> {
 impl MeshFacet<'_> {
     /// The surface at a hit, in the primitive's space.
     pub(in crate::world) fn surface(&self, line: &DRay, hit: &Hit) -> Surface {
-        Surface { color: self.color, ..self.mesh.surface_at(self.triangle as usize, line, &hit.shape_hit()) }
+        Surface { color: self.color, ..self.mesh.surface_at(self.triangle as usize, line, &hit.shape_hit(), hit.time) }
     }
 }
 

@@ -153,7 +153,7 @@ impl World {
             }
             let admitted = |t_max| ray.enters(&self.bounds_of(&way.placed(instance)), t_max);
             if let Some(local) = way.local_ray(instance, ray.ray()) {
-                let met = self.geometry.geometries[instance.geometry as usize].intersect(&local, best.t);
+                let met = self.geometry.geometries[instance.geometry as usize].intersect(&local, best.t, best.time);
                 // Nearly all hits are inside these bounds.
                 if let Some(hit) = best.nearer(number, met)
                     && admitted(best.t)
@@ -188,11 +188,11 @@ impl World {
         instance: &Instance,
         number: u32,
         best: &mut Hit,
-        intersect: impl Fn(&Geometry, &PreparedRay, f32) -> PrimitiveHit,
+        intersect: impl Fn(&Geometry, &PreparedRay, f32, f32) -> PrimitiveHit,
     ) {
         let geometry = &self.geometry.geometries[instance.geometry as usize];
-        let met =
-            instance.with_local_ray(ray, &self.geometry.chains, best.time, |ray| intersect(geometry, ray, best.t));
+        let met = instance
+            .with_local_ray(ray, &self.geometry.chains, best.time, |ray| intersect(geometry, ray, best.t, best.time));
         best.update(number, met);
     }
 
@@ -259,7 +259,7 @@ impl World {
         line: DRay,
         hit: &Hit,
         of_shape: impl Fn(&Shape, DRay, &ShapeHit) -> Surface,
-        of_geometry: impl Fn(&Geometry, DRay, u32, &ShapeHit) -> Surface,
+        of_geometry: impl Fn(&Geometry, DRay, u32, &ShapeHit, f32) -> Surface,
     ) -> Surface {
         if hit.instance == Hit::UNBOUNDED {
             return of_shape(&self.geometry.unbounded[hit.primitive as usize].shape, line, &hit.shape_hit());
@@ -274,8 +274,10 @@ impl World {
                 &moved
             };
             match to_world {
-                None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit()),
-                Some(t) => of_geometry(geometry, line.to_local(t), hit.primitive, &hit.shape_hit()).transformed(t),
+                None => of_geometry(geometry, line, hit.primitive, &hit.shape_hit(), hit.time),
+                Some(t) => {
+                    of_geometry(geometry, line.to_local(t), hit.primitive, &hit.shape_hit(), hit.time).transformed(t)
+                }
             }
         })
     }

@@ -238,8 +238,9 @@ impl World {
         if last.slot != NONE && last.instance < self.geometry.root.leaves {
             let again = self.with_instance(last.instance, |instance| {
                 let geometry = &self.geometry.geometries[instance.geometry as usize];
-                instance
-                    .with_local_ray(prepared, &self.geometry.chains, time, |ray| geometry.blocks(last.slot, ray, t_max))
+                instance.with_local_ray(prepared, &self.geometry.chains, time, |ray| {
+                    geometry.blocks(last.slot, ray, t_max, time)
+                })
             });
             if again {
                 return Occlusion::Opaque;
@@ -285,7 +286,7 @@ impl World {
             }
             let geometry = &self.geometry.geometries[instance.geometry as usize];
             let slot = instance.with_local_ray(ray, &self.geometry.chains, time, |ray| {
-                geometry.occluded(ray, t_max, &mut |primitive| {
+                geometry.occluded(ray, t_max, time, &mut |primitive| {
                     let opaque = !self.media.has_clear || self.material_at(instance, primitive).is_opaque();
                     *clear |= !opaque;
                     opaque
@@ -353,9 +354,11 @@ impl World {
                 let way = InstancePath::to(instance, number, Some(way), &self.geometry.groups);
                 return self.blocked_by_group(ray, t_max, &way, block);
             }
+            // Members of groups don't move.
+            let geometry = &self.geometry.geometries[instance.geometry as usize];
             if !self.media.has_clear
                 && let Some(local) = way.local_ray(instance, ray.ray())
-                && self.geometry.geometries[instance.geometry as usize].occluded(&local, t_max, &mut |_| true).is_none()
+                && geometry.occluded(&local, t_max, 0.0, &mut |_| true).is_none()
             {
                 return false;
             }

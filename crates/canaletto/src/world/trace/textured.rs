@@ -52,15 +52,25 @@ struct Local<'w> {
     bounds: Option<Aabb>,
     /// The origin of the object's coordinates.
     origin: DVec3,
-    /// The mesh of the hit, its triangle, and the weights of the corners at the hit.
-    mesh: Option<(&'w Mesh, usize, [f64; 3])>,
+    on_mesh: Option<OnMesh<'w>>,
+}
+
+/// A hit on a mesh.
+#[derive(Clone, Copy)]
+struct OnMesh<'w> {
+    mesh: &'w Mesh,
+    triangle: usize,
+    /// The weights of the triangle's corners.
+    weights: [f64; 3],
+    time: f32,
 }
 
 impl Local<'_> {
     /// The tangent and the bitangent of normal maps: those of the mesh's vertices, or along growing u and falling v.
     fn tangent_frame(&self) -> [DVec3; 2] {
-        let of_vertices =
-            self.mesh.and_then(|(mesh, i, weights)| mesh.tangent_frame(i, weights, self.surface.shading_normal));
+        let of_vertices = self.on_mesh.and_then(|OnMesh { mesh, triangle, weights, time }| {
+            mesh.tangent_frame(triangle, weights, self.surface.shading_normal, time)
+        });
         of_vertices.unwrap_or_else(|| {
             let [along, down] = self.surface_differential.tangents(self.surface.normal);
             [along, -down]
@@ -68,7 +78,7 @@ impl Local<'_> {
     }
 
     fn vertex_color(&self) -> [f32; 4] {
-        self.mesh.map_or([1.0; 4], |(mesh, i, weights)| mesh.vertex_color(i, weights))
+        self.on_mesh.map_or([1.0; 4], |hit| hit.mesh.vertex_color(hit.triangle, hit.weights))
     }
 }
 
@@ -260,7 +270,7 @@ impl World {
                 to_world,
                 bounds: None,
                 origin: unbounded.origin,
-                mesh: None,
+                on_mesh: None,
             };
         }
         let (index, to_world) = self.with_instance(hit.instance, |instance| {
@@ -271,11 +281,14 @@ impl World {
         let (surface, surface_differential) = match facet {
             Some(facet) => {
                 let [u, v] = hit.uv;
-                (facet.surface(&local_line, hit), facet.mesh.surface_differential(facet.triangle as usize, u, v))
+                (
+                    facet.surface(&local_line, hit),
+                    facet.mesh.surface_differential(facet.triangle as usize, u, v, hit.time),
+                )
             }
             None => {
-                let surface = geometry.surface(local_line, hit.primitive, &shape_hit);
-                (surface, geometry.surface_differential(hit.primitive, &shape_hit, &surface))
+                let surface = geometry.surface(local_line, hit.primitive, &shape_hit, hit.time);
+                (surface, geometry.surface_differential(hit.primitive, &shape_hit, &surface, hit.time))
             }
         };
         Local {
@@ -284,10 +297,11 @@ impl World {
             to_world,
             bounds: geometry.object_bounds(hit.primitive),
             origin: self.geometry.local_origins.get(&index).copied().unwrap_or_default(),
-            mesh: match geometry {
+            on_mesh: match geometry {
                 Geometry::Mesh { mesh, .. } => {
-                    let i = hit.primitive as usize;
-                    Some((mesh, i, mesh.weights_at(i, &local_line, &shape_hit)))
+                    let (triangle, time) = (hit.primitive as usize, hit.time);
+                    let weights = mesh.weights_at(triangle, &local_line, &shape_hit, time);
+                    Some(OnMesh { mesh, triangle, weights, time })
                 }
                 _ => None,
             },
@@ -332,9 +346,11 @@ impl<'a> At<'a> {
 
     /// The texture coordinates of a use.
     fn coords(&self, used: &TextureUse) -> TexCoords {
-        let in_set = |(mesh, i, weights): (&Mesh, usize, [f64; 3])| mesh.uv_in_set(used.mapping.uv_set, i, weights);
+        let in_set = |OnMesh { mesh, triangle, weights, time }: OnMesh| {
+            mesh.uv_in_set(used.mapping.uv_set, triangle, weights, time)
+        };
         if used.mapping.uv_set > 0
-            && let Some((uv, gradients)) = self.local.mesh.and_then(in_set)
+            && let Some((uv, gradients)) = self.local.on_mesh.and_then(in_set)
         {
             let surface_differential = &SurfaceDifferential { gradients, ..*self.place.surface_differential };
             return used.mapping.coords(&Place { uv, surface_differential, ..self.place });
