@@ -6,14 +6,14 @@ use canaletto::integrator::Whitted;
 use canaletto::light::{Light, LightKind, Omni};
 use canaletto::material::{Mapping, Material, Phong, Projection, Repeat, Space, Target, TextureUse};
 use canaletto::math::{Rgb, Transform};
-use canaletto::scene::{Node, Scene, WhittedSettings};
-use canaletto::shape::{Cuboid, Plane, Shape, Sphere};
+use canaletto::scene::{Content, Node, Scene, WhittedSettings};
+use canaletto::shape::{Cuboid, Mesh, Plane, Shape, Sphere};
 use canaletto::texture::{
     ColorSpace, Filter, Image, ImageTexture, Placement, Prefilter, Samples, Texture, TextureKind, srgb_decode,
 };
 use canaletto::world::{OccluderCache, World};
 use canaletto_tests::textured::textured_still_life;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// Texels of equal width side by side, with unchanged values.
 fn strip(texels: &[[u8; 4]], filter: Filter) -> (Image, Texture) {
@@ -141,6 +141,52 @@ fn a_slope_is_shaded_like_a_turned_plane() {
     let to_light = (DVec3::new(0.0, 8.0, 0.0) - DVec3::new(0.5, 4.0, 0.5)).normalize();
     // The heights rise by 255 steps over 256 texels.
     assert!((f64::from(found) - 0.8 * normal.dot(to_light)).abs() < 2e-3, "{found}");
+}
+
+/// A mesh that is used once has vertices in the world's space, and one that is used twice in its own. A normal map
+/// looks alike on both, also on a stretched, a turned and a mirrored one.
+#[test]
+fn normal_maps_are_alike_on_copies() {
+    let mesh = Mesh {
+        positions: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into(),
+        normals: vec![Vec3::new(0.2, 0.1, 1.0); 4],
+        tangents: vec![Vec4::new(1.0, 0.4, 0.0, -1.0); 4],
+        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let turned = Transform::rotate(DVec3::new(1.0, 2.0, 0.5), 20.0).unwrap();
+    let mut bent = 0.0f32;
+    for (scale, with_tangents) in
+        [[1.0, 3.0, 1.0], [0.3, 1.0, -2.0], [-2.0, 0.5, 1.0]].into_iter().flat_map(|s| [(s, true), (s, false)])
+    {
+        let place = turned.after(&Transform::scale(DVec3::from_array(scale)).unwrap());
+        let color = |copies: usize, strength: f32| {
+            let mut material = Material::new("m", Phong { kd: Rgb::gray(0.8), ..Phong::default() });
+            material.textures.push(TextureUse::new(0, Target::Normal { strength, down: false }));
+            let mut scene = scene(material, strip(&[[200, 160, 220, 255]], Filter::Nearest), board());
+            scene.nodes.truncate(1);
+            scene.meshes.push(mesh.clone());
+            if !with_tangents {
+                scene.meshes[0].tangents.clear();
+            }
+            let material = scene.nodes[0].material.unwrap_or(0);
+            let far = Transform::translate(DVec3::X * 50.0).after(&place);
+            let nodes = [place, far].into_iter().take(copies);
+            let nodes = nodes.map(|place| Node::new(Content::Mesh(0)).with_material(material).with_transform(&place));
+            scene.nodes = nodes.collect();
+            let lamp = Omni::at(Vec3::new(3.0, 4.0, 8.0));
+            scene.nodes.push(Node::new(Content::Light(Light::new(LightKind::Omni(lamp), Rgb::WHITE))));
+            color(&scene, [0.1, 0.2, 6.0], [0.05, 0.1, 0.0])
+        };
+        let [once, twice, flat] = [color(1, 1.0), color(2, 1.0), color(1, 0.0)];
+        assert!(
+            (once - twice).to_array().iter().all(|v| v.abs() < 1e-5),
+            "{scale:?} {with_tangents}: {once:?} {twice:?}"
+        );
+        bent = bent.max((once - flat).to_array()[1].abs());
+    }
+    assert!(bent > 0.05, "{bent}");
 }
 
 #[test]

@@ -173,7 +173,7 @@ impl Mesh {
     }
 
     /// The tangent and the bitangent of triangle `i` for this unit shading normal, where its corners have these
-    /// weights, at a time in 0..=1. None if the mesh has no tangents.
+    /// weights, at a time in 0..=1. The tangent may lean towards the normal. None if the mesh has no tangents.
     pub(crate) fn tangent_frame(&self, i: usize, weights: [f64; 3], normal: DVec3, time: f32) -> Option<[DVec3; 2]> {
         if self.tangents.is_empty() {
             return None;
@@ -184,7 +184,7 @@ impl Mesh {
         };
         let open = mean_of(&self.tangents);
         let mean = self.end_pose.as_ref().map_or(open, |pose| open.lerp(mean_of(&pose.tangents), time.into()));
-        let tangent = mean.truncate().reject_from_normalized(normal).try_normalize()?;
+        let tangent = mean.truncate().try_normalize()?;
         let side = if mean.w < 0.0 { -1.0 } else { 1.0 };
         Some([tangent, normal.cross(tangent) * side])
     }

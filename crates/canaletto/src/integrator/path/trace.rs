@@ -654,6 +654,7 @@ fn stretched_along([tangent, bitangent]: [DVec3; 2], normal: DVec3, material: &M
         return tangent;
     }
     let (sin, cos) = libm::sincos(f64::from(degrees).to_radians());
+    let tangent = tangent.reject_from_normalized(normal).normalize_or_zero();
     let across = normal.cross(tangent);
     let across = if across.dot(bitangent) < 0.0 { -across } else { across };
     tangent * cos + across * sin

@@ -77,6 +77,19 @@ impl Local<'_> {
         })
     }
 
+    /// A normal bent by the value of a normal map. Its frame is perpendicular in the world, so that meshes look alike
+    /// whether their vertices are in the world's space or in one that is stretched.
+    fn bent(&self, normal: DVec3, value: [f64; 3]) -> DVec3 {
+        let frame = self.tangent_frame();
+        match &self.to_world {
+            Some(t) if t.uniform_scale().is_none() => {
+                let bent = apply_normal_map(t.normal(normal).normalize(), frame.map(|v| t.vector(v)), value);
+                t.inverse().normal(bent).normalize_or(normal)
+            }
+            _ => apply_normal_map(normal, frame, value),
+        }
+    }
+
     fn vertex_color(&self) -> [f32; 4] {
         self.on_mesh.map_or([1.0; 4], |hit| hit.mesh.vertex_color(hit.triangle, hit.weights))
     }
@@ -173,10 +186,10 @@ impl World {
             match used.target {
                 Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
                 Target::Normal { strength, down } => {
-                    normal = apply_normal_map(normal, local.tangent_frame(), tangent_space(value, strength, down));
+                    normal = local.bent(normal, tangent_space(value, strength, down));
                 }
                 Target::CoatNormal { strength, down } => {
-                    let bent = apply_normal_map(coat, local.tangent_frame(), tangent_space(value, strength, down));
+                    let bent = local.bent(coat, tangent_space(value, strength, down));
                     coat = clamp_to_hemisphere(bent, local.surface.normal);
                 }
                 _ => used.apply(value, &mut point),
