@@ -27,6 +27,14 @@ pub(crate) fn doubt_meshes(name: &str, scene: &Scene) -> Diagnostics {
                 Diagnostic::warning(name, message)
                     .help("a modeller removes double faces; glass with both has no inside")
             }
+            MeshFinding::SamePlace { objects: [first, second], count } => {
+                let others = match count {
+                    1 => String::new(),
+                    _ => format!(", and {} more", plural(count as u64 - 1, "such pair")),
+                };
+                let message = format!("\"{second}\" lies exactly on \"{first}\"{others}; chance decides which is seen");
+                Diagnostic::warning(name, message).help("delete one of them, or move it")
+            }
             _ => continue,
         });
     }
