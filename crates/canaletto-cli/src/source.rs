@@ -361,6 +361,15 @@ impl RecordingAssets {
         RecordingAssets { inner, files: Mutex::default(), log: log.clone() }
     }
 
+    /// Logs a file before it is read. Nothing is asked about a file outside the scene's folder, not even its time.
+    fn log(&self, path: &str, from: &AssetPath) -> Result<(), AssetError> {
+        let found = self.inner.open(path, from).map(drop);
+        if matches!(found, Ok(()) | Err(AssetError::Missing { .. })) {
+            self.log.note(self.inner.system_path(path, from));
+        }
+        found
+    }
+
     /// Records a file. `hash` is called only for a file that isn't recorded yet.
     fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
@@ -374,7 +383,7 @@ impl RecordingAssets {
 
 impl Assets for RecordingAssets {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
-        self.log.note(self.inner.system_path(path, from));
+        self.log(path, from)?;
         let asset = self.inner.read(path, from)?;
         self.note(&asset.path, asset.bytes.len(), || Ok(hash_of(&asset.bytes)))
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
@@ -382,7 +391,7 @@ impl Assets for RecordingAssets {
     }
 
     fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
-        self.log.note(self.inner.system_path(path, from));
+        self.log(path, from)?;
         let asset = self.inner.open(path, from)?;
         let view = asset.content.view();
         let hash = || {

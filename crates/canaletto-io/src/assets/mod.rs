@@ -200,7 +200,7 @@ impl Assets for MemoryAssets {
     }
 }
 
-fn check_name(path: &str) -> Result<(), AssetError> {
+pub(crate) fn check_name(path: &str) -> Result<(), AssetError> {
     let reason = if path.is_empty() {
         "it is empty"
     } else if path.contains('\0') {

@@ -45,7 +45,7 @@ pub(crate) use staging::{DEFAULT_SAMPLING, default_camera};
 pub use staging::{Ground, Moment, PictureQuality, StageLight, Staging, StandardView, UpAxis};
 pub(crate) use table_color::colors_of_rows;
 
-use crate::assets::{AssetPath, Assets, OpenAsset, reason};
+use crate::assets::{AssetError, AssetPath, Assets, OpenAsset, check_name, reason};
 use crate::content::View;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use canaletto::material::Material;
@@ -199,17 +199,22 @@ fn open(
     from: &AssetPath,
     is_wanted: fn(&ModelFormat) -> bool,
 ) -> Result<(&'static ModelFormat, OpenAsset), Diagnostics> {
+    let refused = |error: AssetError, name: &str| {
+        let mut diagnostic = Diagnostic::error(name, error.to_string());
+        diagnostic.help = error.help();
+        diagnostic
+    };
+    // The name is shown as it is from here on.
+    if let Err(error) = check_name(path) {
+        return Err(refused(error, "").into());
+    }
     let extension = AssetPath::new(path, path, path).extension();
     let format = ModelFormat::of_extension(&extension);
     let Some(wanted) = format.filter(|format| is_wanted(format)) else {
         let known = sorted_extensions(FORMATS.iter().filter(|format| is_wanted(format)));
         return Err(unsupported(path, format, &extension, &known).into());
     };
-    let asset = assets.open(path, from).map_err(|error| {
-        let mut diagnostic = Diagnostic::error(path, error.to_string());
-        diagnostic.help = error.help();
-        diagnostic
-    })?;
+    let asset = assets.open(path, from).map_err(|error| refused(error, path))?;
     Ok((wanted, asset))
 }
 
@@ -219,7 +224,10 @@ fn unsupported(file: &str, format: Option<&ModelFormat>, extension: &str, known:
     let name = match (format, foreign) {
         (Some(format), _) => format.name,
         (None, Some((name, _))) => name,
-        (None, None) if extension.is_empty() => "a file without an extension",
+        (None, None) if extension.is_empty() => {
+            let message = "it has no extension, which tells the format";
+            return Diagnostic::error(file, message).help(format!("supported are {}", known.join(", ")));
+        }
         (None, None) => &upper,
     };
     let convert = foreign.map_or(String::new(), |(_, program)| format!("; {program} converts it to OBJ or PLY"));

@@ -24,8 +24,11 @@ pub(super) fn read(names: &[String], asset: &OpenAsset, assets: &dyn Assets, war
         let path = name.trim().trim_matches('"').replace('\\', "/");
         let image = assets.read(&path, &asset.path).map_err(|error| (error.to_string(), error.help()));
         let image = image.and_then(|picture| {
-            let read = read_image(&picture).map_err(|error| (error.to_string(), error.help().map(str::to_owned)));
-            read.map(|(image, _)| image)
+            let (image, notes) =
+                read_image(&picture).map_err(|error| (error.to_string(), error.help().map(str::to_owned)))?;
+            let told = notes.iter().map(|note| Diagnostic::warning(asset.path.name(), format!("\"{path}\": {note}")));
+            told.for_each(|warning| warnings.push(warning));
+            Ok(image)
         });
         let image = image.and_then(|image| {
             bytes += image.samples.bytes() as u64;
@@ -42,7 +45,7 @@ pub(super) fn read(names: &[String], asset: &OpenAsset, assets: &dyn Assets, war
                 material.textures.push(TextureUse::new(texture, Target::Parameter(Parameter::Diffuse)));
             }
             Err((problem, help)) => {
-                let message = format!("the picture {name}, which its header names, is left out: {problem}");
+                let message = format!("a picture that its header names is left out: {problem}");
                 let mut warning = Diagnostic::warning(asset.path.name(), message);
                 warning.help = help;
                 warnings.push(warning);

@@ -637,7 +637,7 @@ fn pictures_of_the_header_are_materials() {
     let (two, warnings) = model(&[("a.ply", text("comment TextureFile ../b.png\n")), brick]);
     assert_eq!((two.meshes[0].slots.as_slice(), two.materials.len()), (&[1, 0, 0][..], 2));
     assert!(warnings.contains("1 faces have the number of no picture"), "{warnings}");
-    assert!(warnings.contains("the picture ../b.png, which its header names, is left out"), "{warnings}");
+    assert!(warnings.contains("a picture that its header names is left out: \"../b.png\" lies outside"), "{warnings}");
     two.meshes[0].check().unwrap();
     assert!(model(&[("a.ply", text(""))]).0.materials.is_empty());
 }
