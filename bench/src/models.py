@@ -186,7 +186,9 @@ def main():
             maker.join()
             command = [flags.canaletto, "render", file, "-o", picture, "-q", "--ground", "none", *rings]
             copies.append((f"canaletto, {how}", command))
+        # Blender has no floor.
         one = ["--size", "256x256", "--samples", "64", "--threads", "1", "--denoise=none", "--light", "neutral"]
+        one += ["--ground", "none"]
         thumbnail = ["--size", "512x512", "--threads", "2"]
         groups = [
             (
