@@ -13,6 +13,11 @@ use serde_json::json;
 
 /// A GLB of a ball whose material is glTF's white: base colour 1, not metal, rough.
 fn ball(radius: f32) -> Vec<u8> {
+    ball_of(radius, json!({ "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0 } }] }))
+}
+
+/// A GLB of a ball of the first material of `more`. Its texture coordinates are all 0.
+fn ball_of(radius: f32, more: serde_json::Value) -> Vec<u8> {
     let mesh = icosphere(3, radius, true);
     let mut bytes: Vec<u8> = Vec::new();
     let mut vectors = |list: &[glam::Vec3]| {
@@ -26,19 +31,21 @@ fn ball(radius: f32) -> Vec<u8> {
     views.push(json!({ "buffer": 0, "byteOffset": start, "byteLength": bytes.len() - start }));
     let accessor = |view: usize, component: u32, kind: &str, count: usize| json!({ "bufferView": view, "componentType": component, "type": kind, "count": count });
     let vertices = mesh.positions.len();
-    document(
-        json!({
-            "nodes": [{ "mesh": 0 }],
-            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "NORMAL": 1 }, "indices": 2, "material": 0 }] }],
-            "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0 } }],
-            "accessors": [
-                accessor(0, 5126, "VEC3", vertices), accessor(1, 5126, "VEC3", vertices),
-                accessor(2, 5125, "SCALAR", corners.len()),
-            ],
-            "bufferViews": views,
-        }),
-        &bytes,
-    )
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 3 });
+    let mut whole = json!({
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": attributes, "indices": 2, "material": 0 }] }],
+        "accessors": [
+            accessor(0, 5126, "VEC3", vertices), accessor(1, 5126, "VEC3", vertices),
+            accessor(2, 5125, "SCALAR", corners.len()),
+            { "componentType": 5126, "type": "VEC2", "count": vertices },
+        ],
+        "bufferViews": views,
+    });
+    for (key, value) in more.as_object().unwrap() {
+        whole[key] = value.clone();
+    }
+    document(whole, &bytes)
 }
 
 /// A GLB of a document without version and buffer, and of the buffer's bytes.
@@ -54,7 +61,17 @@ fn document(mut json: serde_json::Value, bytes: &[u8]) -> Vec<u8> {
 }
 
 fn staged(glb: Vec<u8>, staging: &Staging) -> Scene {
-    load("m.glb", &MemoryAssets::new().with("m.glb", glb), staging).unwrap_or_else(|errors| panic!("{errors}")).0
+    let assets = MemoryAssets::new().with("m.glb", glb).with("p.png", pixel([200, 100, 50, 128]));
+    load("m.glb", &assets, staging).unwrap_or_else(|errors| panic!("{errors}")).0
+}
+
+/// A PNG of one pixel.
+fn pixel(rgba: [u8; 4]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.write_header().unwrap().write_image_data(&rgba).unwrap();
+    bytes
 }
 
 fn rendered(mut scene: Scene, [width, height]: [u32; 2], samples: u32) -> (Rendering, Job) {
@@ -93,6 +110,67 @@ fn white_is_bright_and_the_same_from_file_to_file() {
         let found = mean(radius, staging);
         assert!((0.8..=0.9).contains(&found) && (found - first).abs() < 0.05, "{name}: {found}, the first {first}");
     }
+}
+
+/// The middle of a ball of this material under an even white sky.
+fn under_white(more: serde_json::Value) -> [f64; 3] {
+    let staging = Staging { view: Some(StandardView::Front), ..Staging::default() };
+    let mut scene = staged(ball_of(1.0, more), &staging);
+    scene.nodes.retain(|node| matches!(node.content, Content::Mesh(_)));
+    (scene.environment, scene.background) = (None, Rgb::WHITE);
+    scene.views[0].intrinsics.fovy = 1.0;
+    let (rendering, _) = rendered(scene, [8, 8], 256);
+    let sum = rendering.picture.pixels.iter().fold(Rgb::BLACK, |sum, c| sum + *c);
+    (sum * (1.0 / 64.0)).to_array().map(f64::from)
+}
+
+/// Materials of pairs of extensions return the share of white light that the extensions' formulas give, seen at right
+/// angles. F is the reflectance of an index of 1.5 there.
+#[test]
+fn extensions_of_materials_go_together() {
+    const F: f64 = 0.04;
+    let of = |base: serde_json::Value, extensions: serde_json::Value| {
+        under_white(json!({ "materials": [{ "pbrMetallicRoughness": base, "extensions": extensions }] }))
+    };
+    let near = |found: [f64; 3], expected: [f64; 3], what: &str| {
+        let is_near = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 0.03 * b + 1e-3);
+        assert!(is_near, "{what}: {found:.4?}, not {expected:.4?}");
+    };
+    // KHR_materials_unlit: the base colour times its texture.
+    let color = [0.75, 0.5, 0.25];
+    let base = || json!({ "baseColorFactor": [0.75, 0.5, 0.25, 1], "metallicFactor": 0, "roughnessFactor": 0.02 });
+    near(of(base(), json!({ "KHR_materials_unlit": {} })), color, "unlit");
+    // A coat leaves 1 − F to the base, whose own reflection is F as without it.
+    let dark = json!({ "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0, "roughnessFactor": 0.02 });
+    let coat = json!({ "KHR_materials_clearcoat": { "clearcoatFactor": 1 } });
+    near(of(dark.clone(), coat), [F + (1.0 - F) * F; 3], "a coat over a dark base");
+    near(of(dark, json!({ "KHR_materials_specular": {} })), [F; 3], "specular without a change");
+    // Each crossing of the surface tints, and so does the way inside: here 2 long, with the half of red after 2.
+    let clear = |distance: f64| {
+        let volume = json!({ "thicknessFactor": 1, "attenuationDistance": distance, "attenuationColor": [0.5, 1, 1] });
+        let transmission = json!({ "transmissionFactor": 1 });
+        of(base(), json!({ "KHR_materials_transmission": transmission, "KHR_materials_volume": volume }))
+    };
+    let crossings = color.map(|c| F + (1.0 - F) * c * c);
+    near(clear(1e6), crossings, "a tinted body");
+    near(clear(2.0), [F + 0.5 * (crossings[0] - F), crossings[1], crossings[2]], "a tinted body with a volume");
+    // A texture of one colour is that colour.
+    let glossy = |texture: bool| {
+        let linear = |v: f64| ((v / 255.0 + 0.055) / 1.055).powf(2.4);
+        let mut model = json!({ "diffuseFactor": [0.9, 0.6, 0.3, 1] });
+        if texture {
+            model["specularGlossinessTexture"] = json!({ "index": 0 });
+        } else {
+            model["specularFactor"] = json!([linear(200.0), linear(100.0), linear(50.0)]);
+            model["glossinessFactor"] = json!(128.0 / 255.0);
+        }
+        let extensions = json!({ "KHR_materials_pbrSpecularGlossiness": model });
+        under_white(json!({
+            "materials": [{ "extensions": extensions }],
+            "textures": [{ "source": 0 }], "images": [{ "uri": "p.png" }],
+        }))
+    };
+    near(glossy(true), glossy(false), "specular and glossiness of a texture");
 }
 
 /// Far from the ball the floor is as bright as the background above the horizon.

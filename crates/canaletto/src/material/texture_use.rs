@@ -91,6 +91,8 @@ pub enum Channel {
     Blue,
     /// The alpha channel.
     Alpha,
+    /// The largest of red, green and blue.
+    Max,
 }
 
 named!(Channel {
@@ -99,6 +101,7 @@ named!(Channel {
     Green => "green",
     Blue => "blue",
     Alpha => "alpha",
+    Max => "max",
 });
 
 impl Channel {
@@ -111,6 +114,7 @@ impl Channel {
             Channel::Green => g,
             Channel::Blue => b,
             Channel::Alpha => a,
+            Channel::Max => r.max(g).max(b),
         }
     }
 }
@@ -228,9 +232,9 @@ impl Target {
         matches!(self, Target::Standard(target) if target.parameter().block == block)
     }
 
-    /// Whether a value may multiply what the target has. Those of overlays, heights and normals can't.
+    /// Whether a value may multiply what the target has. Those of decals, heights and normals can't.
     pub fn takes_products(&self) -> bool {
-        matches!(self, Target::Parameter(_) | Target::Standard(_) | Target::Cutout)
+        matches!(self, Target::Replace | Target::Parameter(_) | Target::Standard(_) | Target::Cutout)
     }
 }
 
@@ -281,6 +285,8 @@ impl TextureUse {
             Rgb::new(r, g, b)
         };
         match self.target {
+            // A product with a surface that nothing replaces yet is the colour itself.
+            Target::Replace if self.multiply && point.overlay.1 == 1.0 => point.overlay.0 = point.overlay.0 * color(),
             Target::Replace => point.overlay = (color(), 1.0),
             Target::Decal => {
                 let (under, alpha) = (point.overlay, positive(value[3]).min(1.0));

@@ -298,6 +298,10 @@ impl Library<'_> {
         let letter = match channel {
             _ if target.takes_color() || matches!(target, Target::Normal { .. }) => None,
             Channel::Alpha => Some('m'),
+            Channel::Max => {
+                self.lost.add("the largest channels of pictures", &material.name);
+                Some('l')
+            }
             Channel::Luminance => Some('l'),
             Channel::Red => Some('r'),
             Channel::Green => Some('g'),

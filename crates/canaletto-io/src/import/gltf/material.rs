@@ -152,7 +152,7 @@ impl Maker<'_, '_> {
         self.specular(info, &mut surface);
         self.emission(info, &mut surface);
         self.layers(info, &mut surface);
-        self.transmission(info, &mut surface);
+        self.transmission(info, has_colors, &mut surface);
         self.diffuse_transmission(info, &mut surface);
         let mut material = Material::new_standard(name, surface);
         material.two_sided = info.double_sided;
@@ -162,12 +162,21 @@ impl Maker<'_, '_> {
             self.map(Some(texture), target, Channel::Luminance);
         }
         if info.extensions.unlit.is_some() {
-            // The colour itself, whatever the light.
-            let white = self.textures.constant("white", [1.0; 4]);
-            self.uses.push(TextureUse { multiply: true, ..TextureUse::new(white, Target::Replace) });
+            self.unlit(info, has_colors);
         }
         material.textures = std::mem::take(&mut self.uses);
         material
+    }
+
+    /// The base colour itself, whatever the light.
+    fn unlit(&mut self, info: &MaterialInfo, has_colors: bool) {
+        let pbr = &info.pbr_metallic_roughness;
+        let [r, g, b, _] = pbr.base_color_factor;
+        let factor =
+            self.textures.constant("base colour", [r, g, b, 1.0].map(|v| if v > 0.0 { v.min(1.0) } else { 0.0 }));
+        self.uses.push(TextureUse::new(factor, Target::Replace));
+        self.vertex_colors(has_colors, Target::Replace);
+        self.map(pbr.base_color_texture.as_ref(), Target::Replace, Channel::Luminance);
     }
 
     /// The metallic-roughness model. Returns alpha.
@@ -199,10 +208,15 @@ impl Maker<'_, '_> {
         if let Some(specular) = &info.extensions.specular {
             let place = "/extensions/KHR_materials_specular";
             let weight = self.unit(specular.specular_factor, &format!("{place}/specularFactor"));
-            (surface.specular.weight, surface.schlick) = (weight, true);
-            self.map(specular.specular_texture.as_ref(), standard("specular-weight"), Channel::Alpha);
             let color = specular.specular_color_factor;
             let color = self.color(color, [0.0, f32::MAX], &format!("{place}/specularColorFactor"));
+            // Without any change, Fresnel's reflectance stays.
+            let changes = (weight, color) != (1.0, Rgb::WHITE)
+                || specular.specular_texture.is_some()
+                || specular.specular_color_texture.is_some();
+            surface.specular.weight = weight;
+            surface.schlick |= changes;
+            self.map(specular.specular_texture.as_ref(), standard("specular-weight"), Channel::Alpha);
             // A colour beyond 1 raises F0 as a larger index does.
             let most = color.max_component().max(1.0);
             surface.specular.color = color * (1.0 / most);
@@ -244,13 +258,18 @@ impl Maker<'_, '_> {
         let glossiness = self.unit(model.glossiness_factor, &format!("{place}/glossinessFactor"));
         (surface.specular.color, surface.specular.ior, surface.schlick) = (f0, ALL_REFLECTING, true);
         surface.specular.roughness = 1.0 - glossiness;
-        // What is mirrored isn't scattered. With a texture, the surface's own layers see to that.
-        let is_even = model.specular_glossiness_texture.is_none();
-        surface.base.color = if is_even { diffuse * (1.0 - f0.max_component()) } else { diffuse };
+        surface.base.color = diffuse;
+        // What is mirrored isn't scattered: the share 1 − max(F0) is left.
+        let texture = model.specular_glossiness_texture.as_ref();
+        surface.base.weight = if texture.is_none() { 1.0 - f0.max_component() } else { 1.0 };
+        if let Some(texture) = texture {
+            let used = self.textures.used(texture, standard("specular-color"), Channel::Max, self.warnings);
+            let range = [1.0, 1.0 - f0.max_component()];
+            self.uses.extend(used.map(|used| TextureUse { target: standard("base-weight"), range, ..used }));
+        }
         self.vertex_colors(has_colors, DIFFUSE);
         self.map(model.diffuse_texture.as_ref(), DIFFUSE, Channel::Luminance);
-        self.map(model.specular_glossiness_texture.as_ref(), standard("specular-color"), Channel::Luminance);
-        let texture = model.specular_glossiness_texture.as_ref();
+        self.map(texture, standard("specular-color"), Channel::Luminance);
         self.map_range(texture, ROUGHNESS, Channel::Alpha, [1.0, 1.0 - glossiness]);
         self.unit(alpha, &format!("{place}/diffuseFactor"))
     }
@@ -286,6 +305,8 @@ impl Maker<'_, '_> {
             let roughness = coat.clearcoat_roughness_factor;
             surface.coat.roughness = self.unit(roughness, &format!("{place}/clearcoatRoughnessFactor"));
             (surface.coat.ior, surface.coat.darkening) = (1.5, 0.0);
+            // The base reflects under the coat as without it. OpenPBR's base would reflect as in the coat's medium.
+            surface.schlick |= surface.coat.weight > 0.0;
             self.map(coat.clearcoat_texture.as_ref(), standard("coat-weight"), Channel::Red);
             self.map(coat.clearcoat_roughness_texture.as_ref(), standard("coat-roughness"), Channel::Green);
             if let Some(texture) = &coat.clearcoat_normal_texture {
@@ -320,7 +341,7 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn transmission(&mut self, info: &MaterialInfo, surface: &mut StandardSurface) {
+    fn transmission(&mut self, info: &MaterialInfo, has_colors: bool, surface: &mut StandardSurface) {
         let Some(transmission) = &info.extensions.transmission else { return };
         let place = "/extensions/KHR_materials_transmission/transmissionFactor";
         surface.transmission.weight = self.unit(transmission.transmission_factor, place);
@@ -328,18 +349,19 @@ impl Maker<'_, '_> {
         let body = info.extensions.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0);
         surface.thin_walled = body.is_none();
         let place = "/extensions/KHR_materials_volume";
-        match body.and_then(|volume| Some((volume, volume.attenuation_distance?))) {
-            Some((volume, distance)) if distance > 0.0 && distance.is_finite() => {
-                surface.transmission.depth = distance;
-                let color = volume.attenuation_color;
-                surface.transmission.color = self.color(color, [0.0, 1.0], &format!("{place}/attenuationColor"));
-            }
-            _ => {
-                surface.transmission.color = surface.base.color;
-                let base = info.pbr_metallic_roughness.base_color_texture.as_ref();
-                self.map(base, standard("transmission-color"), Channel::Luminance);
-            }
+        if let Some((volume, distance)) = body.and_then(|volume| Some((volume, volume.attenuation_distance?)))
+            && distance > 0.0
+            && distance.is_finite()
+        {
+            surface.transmission.depth = distance;
+            let color = volume.attenuation_color;
+            surface.transmission.color = self.color(color, [0.0, 1.0], &format!("{place}/attenuationColor"));
         }
+        // The base colour tints light at each crossing, beside the volume.
+        surface.transmission.tint = surface.base.color;
+        self.vertex_colors(has_colors, standard("transmission-tint"));
+        let base = info.pbr_metallic_roughness.base_color_texture.as_ref();
+        self.map(base, standard("transmission-tint"), Channel::Luminance);
         if let Some(dispersion) = info.extensions.dispersion.as_ref().filter(|d| d.dispersion > 0.0) {
             surface.transmission.dispersion_scale = 1.0;
             surface.transmission.dispersion_abbe_number = (20.0 / dispersion.dispersion).max(1e-3);

@@ -379,7 +379,9 @@ fn materials_become_standard_surfaces() {
     let targets: Vec<(Target, Channel, bool)> =
         material.textures.iter().map(|used| (used.target, used.channel, used.multiply)).collect();
     let diffuse = (Target::Parameter(Parameter::Diffuse), Channel::Luminance, true);
-    assert_eq!(targets, [diffuse, (Target::Cutout, Channel::Alpha, true)]);
+    let tint = (canaletto::Named::from_name("transmission-tint").unwrap(), Channel::Luminance, true);
+    assert_eq!(targets, [diffuse, tint, (Target::Cutout, Channel::Alpha, true)]);
+    assert_eq!(surface.transmission.tint, Rgb::new(0.5, 1.0, 1.0));
     let mesh = &fragment.meshes[0];
     assert_eq!((mesh.colors[3], mesh.alphas[3]), (Rgb::new(0.5, 0.25, 1.0), 0.5));
     assert_eq!((mesh.uvs.len(), mesh.more_uvs.len(), mesh.one_sided), (4, 1, false));
@@ -780,7 +782,8 @@ fn further_materials_are_mapped() {
         "diffuseFactor": [0.5, 1, 1, 1], "specularFactor": [0.5, 0.25, 0.125], "glossinessFactor": 0.75,
     } } }));
     assert!(paint.schlick && (paint.specular.roughness, paint.base.metalness) == (0.25, 0.0));
-    assert_eq!((paint.specular.color, paint.base.color), (Rgb::new(0.5, 0.25, 0.125), Rgb::new(0.25, 0.5, 0.5)));
+    assert_eq!((paint.specular.color, paint.base.color), (Rgb::new(0.5, 0.25, 0.125), Rgb::new(0.5, 1.0, 1.0)));
+    assert_eq!(paint.base.weight, 0.5);
     let leaf = material(json!({ "extensions": { "KHR_materials_diffuse_transmission": {
         "diffuseTransmissionFactor": 0.75, "diffuseTransmissionColorFactor": [0, 1, 0],
     } } }));

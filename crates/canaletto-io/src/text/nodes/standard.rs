@@ -56,7 +56,7 @@ const DEFAULTS: [fn() -> String; StandardParameter::ALL.len()] = {
     macro_rules! defaults {
         ($($row:literal)*) => { [$(|| default_of($row)),*] };
     }
-    defaults!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31)
+    defaults!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32)
 };
 
 /// The schema of a block.

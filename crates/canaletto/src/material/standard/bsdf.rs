@@ -120,7 +120,10 @@ impl StandardBsdf {
             roughness,
             alpha: widths(roughness, specular.anisotropy),
             clear: if is_clear { transmission.weight } else { 0.0 },
-            clear_tint: if thin_walled || transmission.depth == 0.0 { transmission.color } else { Rgb::WHITE },
+            clear_tint: match thin_walled || transmission.depth == 0.0 {
+                true => transmission.color * transmission.tint,
+                false => transmission.tint,
+            },
             translucent: if thin_walled { subsurface.weight } else { 0.0 },
             translucent_color: subsurface.color,
             scattered: [-1.0, 1.0].map(|side| 0.5 * (1.0 + side * subsurface.scatter_anisotropy)),

@@ -99,6 +99,8 @@ pub struct StandardTransmission {
     pub color: Rgb,
     /// The length inside the body after which light has the colour; with 0 each crossing of the surface tints it.
     pub depth: f32,
+    /// What each crossing of the surface leaves of white light, whatever the depth, 0 to 1.
+    pub tint: Rgb,
     /// The amount of dispersion, 0 to 1: the Abbe number is divided by it.
     pub dispersion_scale: f32,
     /// The Abbe number, more than 0.
@@ -194,6 +196,7 @@ impl Default for StandardTransmission {
             weight: 0.0,
             color: Rgb::WHITE,
             depth: 0.0,
+            tint: Rgb::WHITE,
             dispersion_scale: 0.0,
             dispersion_abbe_number: 20.0,
         }

@@ -94,7 +94,7 @@ use Field::{Color, Number};
 use Range::{Finite, NonNegative, Positive, Signed, Unit};
 use StandardBlock as B;
 
-const TABLE_LEN: usize = 32;
+const TABLE_LEN: usize = 33;
 
 /// The table, block by block.
 #[rustfmt::skip]
@@ -127,6 +127,8 @@ static TABLE: [StandardParameter; TABLE_LEN] = [
         Color(|s| &mut s.transmission.color, Unit)).target("transmission-color"),
     row(B::Transmission, "depth", "that length; 0 tints light where it crosses the surface",
         Number(|s| &mut s.transmission.depth, NonNegative)),
+    row(B::Transmission, "tint", "what each crossing of the surface leaves of white light, whatever the depth, 0 to 1",
+        Color(|s| &mut s.transmission.tint, Unit)).target("transmission-tint"),
     row(B::Transmission, "dispersion-scale", "the amount of dispersion, 0 to 1; it divides the Abbe number",
         Number(|s| &mut s.transmission.dispersion_scale, Unit)),
     row(B::Transmission, "dispersion-abbe-number", "the Abbe number: the smaller, the wider the rainbow",

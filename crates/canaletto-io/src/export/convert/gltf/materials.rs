@@ -87,8 +87,14 @@ impl Writer<'_> {
 
         // The base.
         let cutout = used(Target::Cutout);
-        let diffuse = used(DIFFUSE);
+        // The colour of what isn't lit is the base's in glTF.
+        let replacing = || plain.iter().map(|(used, _)| used).filter(|used| used.target == Target::Replace);
+        let image = replacing().rev().find(|used| self.constant(used).is_none());
+        let diffuse = image.or(used(DIFFUSE));
         let mut base = surface.base.color * surface.base.weight;
+        if let Some(constant) = replacing().find_map(|used| self.constant(used)) {
+            base = constant;
+        }
         let reads_colors = material.textures.iter().any(|used| used.target == DIFFUSE && self.is_vertex_color(used));
         if key.has_colors && !reads_colors {
             base = Rgb::WHITE;
@@ -151,6 +157,14 @@ impl Writer<'_> {
     fn is_vertex_color(&self, used: &TextureUse) -> bool {
         let kind = self.scene.textures.get(used.texture as usize).map(|texture| &texture.kind);
         matches!(kind, Some(TextureKind::VertexColor))
+    }
+
+    /// The colour of a texture that is one.
+    fn constant(&self, used: &TextureUse) -> Option<Rgb> {
+        match self.scene.textures.get(used.texture as usize).map(|texture| &texture.kind) {
+            Some(TextureKind::Constant([r, g, b, _])) => Some(Rgb::new(*r, *g, *b)),
+            _ => None,
+        }
     }
 
     fn extend(&mut self, extensions: &mut Map<String, Value>, name: &'static str, value: Value) {
@@ -353,12 +367,13 @@ impl Writer<'_> {
                 }
                 self.extend(extensions, "KHR_materials_volume", body);
             }
-            if clear.depth == 0.0 && clear.color != surface.base.color {
+            let tint = if clear.depth == 0.0 || surface.thin_walled { clear.color * clear.tint } else { clear.tint };
+            if tint != surface.base.color {
                 // Light is tinted by the base's colour there.
                 if clear.weight < 1.0 {
                     self.lost.add("colours of bodies that are clear in part", name);
                 } else {
-                    let [r, g, b] = clear.color.to_array();
+                    let [r, g, b] = tint.to_array();
                     for (i, v) in [r, g, b].into_iter().enumerate() {
                         made["pbrMetallicRoughness"]["baseColorFactor"][i] = json!(v);
                     }
@@ -408,6 +423,7 @@ impl Writer<'_> {
             "specular-anisotropy",
             "transmission-weight",
             "transmission-color",
+            "transmission-tint",
             "subsurface-weight",
             "subsurface-color",
             "coat-weight",

@@ -83,7 +83,7 @@ impl Writer<'_> {
             let is_gray = source.channels < 3 && place < 3;
             let has_channel = match used.channel {
                 _ if wanted.is_color && place < 3 => true,
-                Channel::Luminance => is_gray,
+                Channel::Luminance | Channel::Max => is_gray,
                 channel => channel == CHANNELS[place] || (is_gray && channel != Channel::Alpha),
             };
             used.texture == texture && used.range == [0.0, 1.0] && has_channel
