@@ -1,7 +1,7 @@
 //! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
 //! that are gone on with.
 
-use crate::digest::{Digest, UsedFile};
+use crate::digest::{Digest, UsedFile, changed_file, text_of_files};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::format::{count, duration, plural};
@@ -142,11 +142,12 @@ impl PassFlags {
     }
 }
 
-/// The key of the text by which a changed scene is noticed.
+/// The keys of the texts by which a changed scene is noticed: the digest of all, and the hash of each file.
 const SCENE_DIGEST: &str = "scene-digest";
+const SCENE_FILES: &str = "scene-files";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 18] = [
+const TELLING: [&str; 17] = [
     "Software",
     "size",
     "crop",
@@ -163,13 +164,13 @@ const TELLING: [&str; 18] = [
     "filter",
     "clamp",
     "set",
-    "scene",
     SCENE_DIGEST,
 ];
 
-/// The digest of a scene's files and of the values set in it.
-pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> (String, String) {
-    (SCENE_DIGEST.into(), Digest::EMPTY.with_files(files).with(&set).to_string())
+/// The digest of the contents of a scene's files and of the values set in it, and the hash of each file.
+pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> [(String, String); 2] {
+    let digest = Digest::EMPTY.with_files(files).with(&set).to_string();
+    [(SCENE_DIGEST.into(), digest), (SCENE_FILES.into(), text_of_files(files))]
 }
 
 /// The samples of the file of --continue, whose texts must be those of this render. `denoises`: the picture is denoised
@@ -203,7 +204,11 @@ pub(crate) fn samples_of_file(
         let (theirs, own) = (of(&decoded.metadata, key), of(&own, key));
         if theirs != own {
             return Err(match key {
-                SCENE_DIGEST => failed("the scene, or a file that it names, has changed since it was rendered".into()),
+                SCENE_DIGEST => {
+                    let (now, then) = (of(texts, SCENE_FILES), of(&decoded.metadata, SCENE_FILES));
+                    let changed = changed_file(&now, &then);
+                    failed(changed.unwrap_or_else(|| "the scene has changed since it was rendered".into()))
+                }
                 "Software" => failed(format!("it was made by {theirs}, and this is {own}")),
                 _ => failed(format!("its {key} is {theirs}, not {own}")),
             }

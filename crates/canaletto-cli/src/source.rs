@@ -1,6 +1,6 @@
 //! Reading of scenes and models, and building of their worlds.
 
-use crate::digest::{UsedFile, hash_of};
+use crate::digest::{Hash, UsedFile, hash_of};
 use crate::exit::Exit;
 use crate::failure::{Failure, plural, reason};
 use crate::flags::SourceFlags;
@@ -9,7 +9,7 @@ use crate::model::is_model;
 use crate::watch::ReadLog;
 use canaletto::scene::{Integrator, Scene};
 use canaletto::world::{BuildError, BuildOptions, World};
-use canaletto::{Named, WordHash, memory};
+use canaletto::{Named, memory};
 use canaletto_io::assets::{Asset, AssetError, AssetPath, Assets, FolderAssets, OpenAsset};
 use canaletto_io::diagnostic::{Diagnostic, Diagnostics, closest_word};
 use canaletto_io::export::convert::Originals;
@@ -371,7 +371,7 @@ impl RecordingAssets {
     }
 
     /// Records a file. `hash` is called only for a file that isn't recorded yet.
-    fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u64>) -> io::Result<()> {
+    fn note(&self, path: &AssetPath, bytes: usize, hash: impl FnOnce() -> io::Result<u128>) -> io::Result<()> {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         if !files.iter().any(|used| used.file == path.name()) {
             let (file, place) = (path.name().to_owned(), path.location().to_owned());
@@ -397,9 +397,9 @@ impl Assets for RecordingAssets {
         let hash = || {
             const PIECE: usize = 1 << 18;
             let mut buffer = Vec::new();
-            let mut hash = WordHash::new();
+            let mut hash = Hash::new();
             for at in (0..view.size()).step_by(PIECE) {
-                hash.add_bytes(view.piece(at..at + PIECE, &mut buffer)?);
+                hash.add(view.piece(at..at + PIECE, &mut buffer)?);
             }
             Ok(hash.finish())
         };

@@ -63,8 +63,8 @@ struct FrameContext {
     fingerprint: Option<SolutionFingerprint>,
     /// The text entries of the files.
     texts: Vec<(String, String)>,
-    /// The text entry by which files of --continue are compared with the scene.
-    scene_digest: (String, String),
+    /// The text entries by which files of --continue are compared with the scene.
+    scene_digest: [(String, String); 2],
     times: Times,
     previews: Vec<Preview>,
     scene: Option<Scene>,
@@ -233,7 +233,7 @@ impl<'a> Series<'a> {
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.changes());
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
-            texts.push(scene_digest(&source.files, &self.flags.source.changes()));
+            texts.extend(scene_digest(&source.files, &self.flags.source.changes()));
         }
         let previews = match self.plan.preview.is_some() {
             true => previews(&source.name, &source.scene, &self.flags.picture, &job),
@@ -333,7 +333,7 @@ impl<'a> Series<'a> {
             Some(file) => {
                 let mut texts = frame_context.texts.clone();
                 if !plan.output.format.has_layers() {
-                    texts.push(frame_context.scene_digest.clone());
+                    texts.extend(frame_context.scene_digest.clone());
                 }
                 Some(samples_of_file(file, &job, &texts, self.flags.denoiser().is_some())?)
             }
@@ -427,7 +427,7 @@ impl<'a> Series<'a> {
     /// names, that of the samples apart, too.
     fn write_part(
         &self,
-        scene_digest: &(String, String),
+        scene_digest: &[(String, String); 2],
         texts: Vec<(String, String)>,
         rendering: &mut Rendering,
         (world, job): (&World, &Job),
@@ -440,7 +440,7 @@ impl<'a> Series<'a> {
         // signal, a crash or the end of the time for saving rather costs the picture. The picture takes little time.
         let samples = has_own.then(|| {
             let mut texts = texts.clone();
-            texts.push(scene_digest.clone());
+            texts.extend(scene_digest.clone());
             let own = rendering.picture.layers.len();
             add_samples(rendering, &mut texts, self.flags.denoiser().is_some());
             let written = self.writer.write_samples(&FramePicture { world, job, rendering, developing, texts: &texts });
