@@ -1,12 +1,14 @@
 //! Pictures that are made in passes of samples: parts add up, stopped pictures go on, and pixels get as many samples as
 //! they need.
 
-use canaletto::film::{BlockMean, HalfBuffers};
-use canaletto::render::{Aov, Job, JobError, Observer, PassProgress, Progress, Rendering, render, render_on};
-use canaletto::scene::{Filter, PathSettings, SamplerKind, Sampling};
+use canaletto::film::{BlockMean, Checkpoint, HalfBuffers};
+use canaletto::render::{
+    Aov, Job, JobError, Observer, PassProgress, Preparation, Progress, Rendering, render, render_from, render_on,
+};
+use canaletto::scene::{Filter, PathSettings, SamplerKind, Sampling, WhittedSettings};
 use canaletto::world::World;
-use canaletto_tests::assert_same_picture;
 use canaletto_tests::gallery::{distributed_job, distributed_still_life};
+use canaletto_tests::{Random, assert_same_picture};
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -84,6 +86,65 @@ fn a_stopped_picture_goes_on_to_the_same_bytes() {
             assert_eq!(*color, samples.mean(pixel));
         }
         same(&render_on(&world, &job(64), samples, &()).unwrap(), &whole, &format!("after {tiles} tiles"));
+    }
+}
+
+/// A render that makes a checkpoint now and then, and is killed after a number of tiles: what is left of it is its last
+/// checkpoint.
+struct Killed {
+    every: u64,
+    after: u64,
+    tiles: AtomicU64,
+    last: Mutex<Option<Checkpoint>>,
+}
+
+impl Observer for Killed {
+    fn cancelled(&self) -> bool {
+        self.tiles.load(Ordering::Relaxed) >= self.after
+    }
+
+    fn wants_checkpoint(&self) -> bool {
+        (self.tiles.fetch_add(1, Ordering::Relaxed) + 1).is_multiple_of(self.every)
+    }
+
+    fn checkpoint(&self, checkpoint: &Checkpoint) {
+        *self.last.lock().unwrap() = Some(checkpoint.clone());
+    }
+}
+
+/// A picture that is killed again and again, and taken up from its last checkpoint each time, has the bytes of one that
+/// wasn't: by paths and by classic rays, with an end by noise and without one.
+#[test]
+fn a_picture_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    let world = world();
+    let by_noise = |limit: f32| Job { noise: Some(limit), ..job(512) };
+    let mut classic = Job { progressive: true, ..job(40) };
+    classic.integrator = WhittedSettings::default().into();
+    let mut random = Random(5);
+    for (name, job) in
+        [("64", job(64)), ("noise", by_noise(0.05)), ("less noise", by_noise(0.03)), ("classic", classic)]
+    {
+        let whole = render(&world, &job, &()).unwrap();
+        let (mut kills, mut midway) = (0, 0);
+        for round in 0..4 {
+            let mut start = None;
+            let made = loop {
+                let [every, after] = [4.0, 40.0].map(|most| random.within(1.0, most) as u64);
+                let killed = Killed { every, after, tiles: AtomicU64::new(0), last: Mutex::default() };
+                let rendering = render_from(&world, &job, Preparation::default(), start.as_ref(), &killed).unwrap();
+                if rendering.complete {
+                    break rendering;
+                }
+                let last = killed.last.into_inner().unwrap();
+                let counts = |checkpoint: &Checkpoint| checkpoint.samples.counts().to_vec();
+                midway +=
+                    u32::from(last.as_ref().is_some_and(|last| counts(last).iter().any(|n| *n != counts(last)[0])));
+                start = last.or(start);
+                kills += 1;
+            };
+            same(&made, &whole, &format!("{name}, round {round}, {kills} kills"));
+        }
+        assert!(kills > 4 && midway > 0, "{name}: {kills} kills, {midway} in the middle of a pass");
     }
 }
 

@@ -1,6 +1,7 @@
 //! The film: filters for the places of samples, the sums of a tile, the picture, and its developing into the numbers
 //! of a file.
 
+mod checkpoint;
 mod develop;
 mod exposure;
 mod filter;
@@ -13,6 +14,7 @@ mod srgb;
 mod tile_buffer;
 mod tone;
 
+pub use checkpoint::{Checkpoint, Pass};
 pub(crate) use develop::display_all;
 pub use develop::{Developer, develop, develop_with_alpha, srgb_encode};
 pub use exposure::metered_exposure;

@@ -1,6 +1,6 @@
 //! Observers of a render.
 
-use crate::film::{NoiseOutlook, Picture};
+use crate::film::{Checkpoint, NoiseOutlook, Picture};
 use crate::math::Rgb;
 use std::fmt;
 use std::ops::ControlFlow;
@@ -21,6 +21,13 @@ pub trait Observer: Sync {
     fn pass_ended(&self, _progress: &PassProgress<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
+    /// Whether a checkpoint is wanted at this moment. Each thread asks after each tile of a picture that is made in
+    /// passes of samples. The thread that hears true makes one, while the others go on.
+    fn wants_checkpoint(&self) -> bool {
+        false
+    }
+    /// Takes a checkpoint that was [wanted](Observer::wants_checkpoint).
+    fn checkpoint(&self, _checkpoint: &Checkpoint) {}
     /// Reports the progress of radiosity, which is solved before the first tile, and of grading.
     fn solving(&self, _progress: &SolvingProgress) {}
 }

@@ -5,7 +5,7 @@ mod noise;
 mod sample_tile;
 mod session;
 
-use crate::film::{Picture, SampleBlocks, SampleStatistics};
+use crate::film::{Checkpoint, Pass, Picture, SampleBlocks, SampleStatistics};
 use crate::integrator::radiosity::RadiositySolution;
 use crate::integrator::{Counts, preparable};
 pub use crate::integrator::{Preparation, PreparationMemory};
@@ -33,6 +33,8 @@ pub struct Rendering {
     pub complete: bool,
     /// The samples of a picture that was made in passes ([`Job::passes`]), with which [`render_on`] goes on.
     pub samples: Option<SampleBlocks>,
+    /// The pass in which an unfinished one of these pictures ended.
+    pub pass: Option<Pass>,
     /// What is known of these samples.
     pub statistics: Option<SampleStatistics>,
 }
@@ -103,11 +105,11 @@ pub fn render_on(
     start: &SampleBlocks,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
-    render_from(world, job, Preparation::default(), Some(start), observer)
+    render_from(world, job, Preparation::default(), Some(&start.clone().into()), observer)
 }
 
 /// Renders a picture from what is there already: a solution of radiosity, which isn't solved then, and samples, which
-/// are gone on with.
+/// are gone on with. From a checkpoint of an equal job the bytes are equal to those of [`render`].
 ///
 /// # Panics
 /// As [`render`].
@@ -118,17 +120,17 @@ pub fn render_from(
     world: &World,
     job: &Job,
     preparation: Preparation<'_>,
-    start: Option<&SampleBlocks>,
+    start: Option<&Checkpoint>,
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
     // A depth beyond all bounds would ask for a stack beyond all memory.
     job.check()?;
-    start.map_or(Ok(()), |start| check_samples(job, start, true))?;
+    start.map_or(Ok(()), |start| check_samples(job, &start.samples, true))?;
     with_stack(stack_of(world, job), || {
         let ControlFlow::Continue(mut session) = Session::new(world, job, preparation, observer)? else {
             return Ok(Rendering::unfinished(world, job));
         };
-        start.map_or(Ok(()), |start| session.merge(start))?;
+        start.map_or(Ok(()), |start| session.resume(start))?;
         session.render(observer)
     })?
 }
@@ -164,6 +166,7 @@ impl Rendering {
             pixels_done: 0,
             complete: false,
             samples: None,
+            pass: None,
             statistics: None,
         }
     }

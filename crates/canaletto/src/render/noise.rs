@@ -70,6 +70,18 @@ impl NoiseEstimate {
         self.squares[pixel] = square(a.r, b.r) + square(a.g, b.g) + square(a.b, b.b);
     }
 
+    /// Takes up a decision about the cells. Returns the number of pixels that need more samples, or none if the decision
+    /// is one about another number of cells.
+    pub(super) fn resume(&mut self, needed: &[bool]) -> Option<u64> {
+        if needed.len() != self.needed.len() {
+            return None;
+        }
+        self.needed.copy_from_slice(needed);
+        let [width, height] = self.size;
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+        Some(pixels.filter(|pixel| needed[Self::cell_of(*pixel, width)]).count() as u64)
+    }
+
     /// Whether each cell needs more samples.
     pub(super) fn needed(&self) -> &[bool] {
         &self.needed

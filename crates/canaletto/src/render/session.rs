@@ -3,16 +3,17 @@
 use super::noise::NoiseEstimate;
 use super::sample_tile::{SampleTile, layers_of_first_sample};
 use super::{Rendering, features, stack_of};
-use crate::film::{NoiseOutlook, Picture, SampleBlocks, SampleStatistics, TileBuffer};
+use crate::film::{Checkpoint, NoiseOutlook, Pass, Picture, SampleBlocks, SampleStatistics, TileBuffer};
 use crate::integrator::{BLUE_NOISE, Cancelled, Counts, IntegratorWorker, Preparation, PreparedIntegrator, TaskQueue};
 use crate::integrator::{PreparedRadiosity, Transport, preparable};
 use crate::job::{Aov, FinishedTile, Job, JobError, Observer, PassProgress, PlacedJob, Progress};
 use crate::scene::SamplerKind;
 use crate::world::World;
 use canaletto_bvh::with_stack;
+use std::collections::HashMap;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, TryLockError};
 
 /// A job in its world with what its integrator prepared and the picture so far. Pictures, passes, parts of pictures and
 /// explanations of pixels are made from it, and nothing is prepared twice.
@@ -41,6 +42,8 @@ pub struct Session<'w> {
     prepared: Box<dyn PreparedIntegrator + 'w>,
     film: FilmState,
     picture: Mutex<PictureState>,
+    /// The pass in work, or one that a checkpoint began.
+    pass: Option<Pass>,
 }
 
 /// The state of the film besides its picture.
@@ -51,7 +54,11 @@ enum FilmState {
         is_done: Vec<AtomicBool>,
     },
     /// Blocks of samples, which grow.
-    Blocks(Vec<Mutex<SampleTile>>),
+    Blocks {
+        tiles: Vec<Mutex<SampleTile>>,
+        /// The samples of the tiles in work, as they were before.
+        before: Mutex<HashMap<usize, SampleBlocks>>,
+    },
 }
 
 /// The picture so far, which all threads write.
@@ -105,7 +112,7 @@ impl<'w> Session<'w> {
         let tiles = made.tiles();
         let film = if made.is_progressive() {
             let tile = |number| Mutex::new(SampleTile::new(&made, tiles.area(number)));
-            FilmState::Blocks((0..tiles.count()).map(tile).collect())
+            FilmState::Blocks { tiles: (0..tiles.count()).map(tile).collect(), before: Mutex::default() }
         } else {
             FilmState::Weighted { is_done: (0..tiles.count()).map(|_| AtomicBool::new(false)).collect() }
         };
@@ -118,7 +125,7 @@ impl<'w> Session<'w> {
             done: 0,
             planned: u64::from(width) * u64::from(height) * samples,
         };
-        Session { job, made, prepared, film, picture: Mutex::new(picture) }
+        Session { job, made, prepared, film, picture: Mutex::new(picture), pass: None }
     }
 
     /// The job, with its camera relative to the world's origin.
@@ -162,7 +169,7 @@ impl<'w> Session<'w> {
         let queue = TaskQueue::new(observer);
         Ok(with_stack(stack_of(self.made.world(), &self.made), || match &self.film {
             FilmState::Weighted { is_done } => self.weighted_pass(is_done, tiles, &queue, observer),
-            FilmState::Blocks(sample_tiles) => self.block_pass(sample_tiles, end, tiles, &queue, observer),
+            FilmState::Blocks { tiles: all, before } => self.block_pass((all, before), end, tiles, &queue, observer),
         })?)
     }
 
@@ -199,7 +206,7 @@ impl<'w> Session<'w> {
     /// Adds samples to the pixels of tiles.
     fn block_pass(
         &self,
-        sample_tiles: &[Mutex<SampleTile>],
+        (sample_tiles, before): (&[Mutex<SampleTile>], &Mutex<HashMap<usize, SampleBlocks>>),
         end: u32,
         tiles: Range<usize>,
         queue: &TaskQueue,
@@ -215,12 +222,14 @@ impl<'w> Session<'w> {
             || prepared.worker(&cancelled),
             |worker, number| {
                 let mut tile = sample_tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
+                before.lock().unwrap_or_else(PoisonError::into_inner).insert(number, tile.blocks.clone());
                 let area = tile.area;
                 let needs = |[x, y]: [u32; 2]| {
                     let cell = NoiseEstimate::cell_of([area[0] - left + x, area[1] - top + y], width);
                     needed.as_ref().is_none_or(|needed| needed[cell])
                 };
                 let added = tile.add(made, &mut **worker, end, needs);
+                before.lock().unwrap_or_else(PoisonError::into_inner).remove(&number);
                 let mut state = picture.lock().unwrap_or_else(PoisonError::into_inner);
                 let PictureState { picture, counts, noise, done, planned } = &mut *state;
                 // Whole blocks of an unfinished tile are kept.
@@ -233,10 +242,54 @@ impl<'w> Session<'w> {
                 let progress = Progress { pixels_done, pixels, rays: counts.rays.total() };
                 observer.tile_finished(&FinishedTile::of(picture, [left, top], area));
                 drop(state);
+                drop(tile);
                 observer.progress(&progress);
+                if observer.wants_checkpoint()
+                    && let Some(checkpoint) = self.checkpoint()
+                {
+                    observer.checkpoint(&checkpoint);
+                }
                 ControlFlow::Continue(())
             },
         )
+    }
+
+    /// The samples at this moment, while threads make more, and the pass in which they are made. Tiles in work are as
+    /// they were before. None of a picture that isn't progressive.
+    fn checkpoint(&self) -> Option<Checkpoint> {
+        let FilmState::Blocks { tiles, before } = &self.film else { return None };
+        let ([left, top, width, height], areas) = (self.made.window(), self.made.tiles());
+        let mut all: Option<SampleBlocks> = None;
+        for (number, tile) in tiles.iter().enumerate() {
+            let [x, y, ..] = areas.area(number);
+            let mut add = |blocks: &SampleBlocks| {
+                let new = || SampleBlocks::new([width, height], self.made.first_sample, blocks.keeps_halves());
+                all.get_or_insert_with(new).insert(blocks, [x - left, y - top]);
+            };
+            loop {
+                match tile.try_lock() {
+                    Ok(tile) => break add(&tile.blocks),
+                    Err(TryLockError::Poisoned(tile)) => break add(&tile.into_inner().blocks),
+                    Err(TryLockError::WouldBlock) => {}
+                }
+                if let Some(blocks) = before.lock().unwrap_or_else(PoisonError::into_inner).get(&number) {
+                    break add(blocks);
+                }
+                // The tile is about to be begun, or is done.
+                std::thread::yield_now();
+            }
+        }
+        Some(Checkpoint { samples: all?, pass: self.pass.clone() })
+    }
+
+    /// Takes up a picture where a checkpoint left it.
+    ///
+    /// # Errors
+    /// As [`Session::merge`].
+    pub fn resume(&mut self, checkpoint: &Checkpoint) -> Result<(), JobError> {
+        self.merge(&checkpoint.samples)?;
+        self.pass = checkpoint.pass.clone();
+        Ok(())
     }
 
     /// Adds samples that were made elsewhere: those with which the picture begins, or the next ones. The bytes are
@@ -247,7 +300,7 @@ impl<'w> Session<'w> {
     /// halves that aren't known and won't be.
     pub fn merge(&mut self, samples: &SampleBlocks) -> Result<(), JobError> {
         check_samples(&self.made, samples, self.fewest_samples() == 0)?;
-        let FilmState::Blocks(tiles) = &self.film else { return Ok(()) };
+        let FilmState::Blocks { tiles, .. } = &self.film else { return Ok(()) };
         let [left, top, ..] = self.made.window();
         let mut state = self.picture.lock().unwrap_or_else(PoisonError::into_inner);
         let PictureState { picture, noise, .. } = &mut *state;
@@ -272,7 +325,7 @@ impl<'w> Session<'w> {
 
     /// The samples so far of a progressive picture; none of another one.
     pub fn samples(&self) -> Option<SampleBlocks> {
-        let FilmState::Blocks(tiles) = &self.film else { return None };
+        let FilmState::Blocks { tiles, .. } = &self.film else { return None };
         let [left, top, width, height] = self.made.window();
         let mut blocks: Option<SampleBlocks> = None;
         for tile in tiles {
@@ -287,7 +340,7 @@ impl<'w> Session<'w> {
 
     /// The number of samples that every pixel has.
     fn fewest_samples(&self) -> u32 {
-        let FilmState::Blocks(tiles) = &self.film else { return 0 };
+        let FilmState::Blocks { tiles, .. } = &self.film else { return 0 };
         let fewest = |tile: &Mutex<SampleTile>| {
             let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
             tile.blocks.counts().iter().min().copied()
@@ -309,7 +362,7 @@ impl<'w> Session<'w> {
     fn run(mut self, observer: &dyn Observer) -> Result<Rendering, JobError> {
         let ended = match &self.film {
             FilmState::Weighted { .. } => self.pass(0, self.tiles(), observer)?,
-            FilmState::Blocks(_) => self.run_passes(observer)?,
+            FilmState::Blocks { .. } => self.run_passes(observer)?,
         };
         Ok(self.finish(ended.is_continue(), observer))
     }
@@ -320,11 +373,21 @@ impl<'w> Session<'w> {
         let end = self.made.sample_count().max(from);
         let state = self.state();
         state.planned = state.picture.pixels.len() as u64 * u64::from(end - from);
-        let (mut count, mut needed) = (from, self.judge(from, end));
+        let mut begun = self.begun_pass(end);
+        let (mut count, mut needed) = match &begun {
+            Some((pass, needed)) => (pass.begin, *needed),
+            None => (from, self.judge(from, end)),
+        };
         // A picture that has enough samples already may need layers.
         let mut needs_pass = needed > 0 || !layers_of_first_sample(&self.made).is_empty() || self.made.has_alpha();
         while needs_pass {
-            let next = if needed > 0 { next_count(count, end) } else { count };
+            let next = match begun.take() {
+                Some((pass, _)) => pass.end,
+                None if needed > 0 => next_count(count, end),
+                None => count,
+            };
+            let cells = self.state().noise.as_ref().map_or_else(Vec::new, |noise| noise.needed().to_vec());
+            self.pass = Some(Pass { begin: count, end: next, needed: cells });
             if self.pass(self.made.first_sample + next, self.tiles(), observer)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
@@ -345,6 +408,14 @@ impl<'w> Session<'w> {
         Ok(ControlFlow::Continue(()))
     }
 
+    /// The pass that a checkpoint began, and the number of pixels that need more samples. Without an estimate of the
+    /// noise the passes begin with the pixels that have the fewest.
+    fn begun_pass(&mut self, end: u32) -> Option<(Pass, u64)> {
+        let pass = self.pass.take().filter(|pass| pass.begin < pass.end && pass.end <= end)?;
+        let needed = self.state().noise.as_mut()?.resume(&pass.needed)?;
+        Some((pass, needed))
+    }
+
     fn state(&mut self) -> &mut PictureState {
         self.picture.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
@@ -360,7 +431,7 @@ impl<'w> Session<'w> {
     /// What is left of the noise of pixels that get at most `end` samples.
     fn outlook(&self, noise: Option<&NoiseEstimate>, end: u32) -> NoiseOutlook {
         let [left, top, width, _] = self.made.window();
-        let FilmState::Blocks(tiles) = &self.film else { return NoiseOutlook::default() };
+        let FilmState::Blocks { tiles, .. } = &self.film else { return NoiseOutlook::default() };
         let mut counts = vec![0; noise.map_or(0, NoiseEstimate::pixels)];
         let (mut statistics, mut squares, mut samples) = (SampleStatistics::default(), 0.0, 0.0);
         for tile in tiles {
@@ -387,7 +458,7 @@ impl<'w> Session<'w> {
     fn finish(self, is_complete: bool, observer: &dyn Observer) -> Rendering {
         let end = self.made.sample_count();
         let (samples, mut statistics) = (self.samples(), None);
-        if let (Some(samples), FilmState::Blocks(tiles)) = (&samples, &self.film) {
+        if let (Some(samples), FilmState::Blocks { tiles, .. }) = (&samples, &self.film) {
             let mut all = SampleStatistics::default();
             for tile in tiles {
                 all.add(&tile.lock().unwrap_or_else(PoisonError::into_inner).statistics);
@@ -409,12 +480,14 @@ impl<'w> Session<'w> {
             (_, Some(samples)) => samples.counts().iter().filter(|count| **count > 0).count() as u64,
             (..) => 0,
         };
+        let pass = self.pass.filter(|_| !is_complete);
         let PictureState { mut picture, counts, .. } =
             self.picture.into_inner().unwrap_or_else(PoisonError::into_inner);
         if self.made.aovs.len() > self.job.aovs.iter().filter(|aov| !aov.is_of_denoising()).count() {
             picture.alpha = picture.layers.pop().map_or_else(Vec::new, |layer| layer.data);
         }
-        let mut rendering = Rendering { picture, counts, pixels_done, complete: is_complete, samples, statistics };
+        let mut rendering =
+            Rendering { picture, counts, pixels_done, complete: is_complete, samples, pass, statistics };
         if self.job.aovs.iter().any(|aov| aov.is_of_denoising()) {
             features::add_layers(&self.job, &mut rendering, observer);
         } else if let Some(background) = self.job.world().shadow_background() {
