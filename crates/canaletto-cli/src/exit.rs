@@ -1,5 +1,6 @@
 //! The exit codes of all subcommands.
 
+use crate::interrupt;
 use std::process::ExitCode;
 
 /// The result of a command.
@@ -15,13 +16,15 @@ pub(crate) enum Exit {
     Scene = 3,
     /// Two pictures differ by more than a threshold, or a graded picture isn't right.
     Threshold = 4,
-    /// Ctrl-C or a termination signal ended the command.
+    /// Ctrl-C ended the command.
     Interrupted = 130,
+    /// A termination signal ended the command. It stands in [`Exit::Interrupted`]'s place for the shell.
+    Terminated = 143,
 }
 
 impl Exit {
     /// Every exit code with its meaning, for the help and the manual.
-    pub(crate) const ALL: [(Exit, &str); 6] = [
+    pub(crate) const ALL: [(Exit, &str); 7] = [
         (Exit::Done, "success"),
         (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
@@ -34,11 +37,15 @@ impl Exit {
             Exit::Interrupted,
             "interrupted; render keeps finished frames, and the finished part of a picture as name.partial.png",
         ),
+        (Exit::Terminated, "terminated by SIGTERM, which does the same"),
     ];
 
-    /// The code for the shell.
+    /// The code for the shell. A termination signal has its own.
     pub(crate) fn code(self) -> u8 {
-        self as u8
+        match self {
+            Exit::Interrupted if interrupt::is_terminated() => Exit::Terminated as u8,
+            _ => self as u8,
+        }
     }
 
     /// A table of all codes as text, one per line.

@@ -6,9 +6,12 @@ use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError, mpsc};
+use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{fs, process, thread};
+
+#[cfg(unix)]
+use signal_hook::consts::{SIGTERM, SIGUSR1};
 
 static SIGNALS: AtomicU8 = AtomicU8::new(0);
 /// The time of the first signal.
@@ -20,6 +23,11 @@ static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
 
 /// Whether a file that the render reads has changed, so that its picture isn't wanted any more.
 static OUTDATED: AtomicBool = AtomicBool::new(false);
+
+/// Whether a termination signal has arrived.
+static TERMINATED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+/// Whether a checkpoint was asked for by SIGUSR1, as schedulers send it before they end a job.
+static CHECKPOINT: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// There is nothing to save.
 const IDLE: u8 = 0;
@@ -61,6 +69,21 @@ pub(crate) fn install(json: bool) {
             exit_now(json);
         }
     });
+    // These handlers come after the one above, which they call, too.
+    #[cfg(unix)]
+    for (signal, flag) in [(SIGTERM, &TERMINATED), (SIGUSR1, &CHECKPOINT)] {
+        let _ = signal_hook::flag::register(signal, Arc::clone(flag));
+    }
+}
+
+/// Whether a termination signal has arrived.
+pub(crate) fn is_terminated() -> bool {
+    TERMINATED.load(Ordering::Relaxed)
+}
+
+/// Whether a checkpoint was asked for since the last call.
+pub(crate) fn takes_checkpoint_request() -> bool {
+    CHECKPOINT.swap(false, Ordering::Relaxed)
 }
 
 fn exit_now(json: bool) -> ! {

@@ -6,6 +6,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod backdrop;
+mod checkpoint;
 mod command;
 mod command_files;
 mod complete;

@@ -55,7 +55,9 @@ pub(crate) fn metered(
         let (first, first_job) = first_frame(reader, flags)?;
         meter(&reader.name, &first, &first_job, None)?
     } else {
-        meter(&reader.name, world, job, solution)?
+        // The first frame's random numbers: a film that is gone on with has the exposure that it began with.
+        let first = Job { frame: reader.first_frame(), ..job.clone() };
+        meter(&reader.name, world, &first, solution)?
     };
     Ok(exposed(job, stops))
 }

@@ -310,13 +310,7 @@ impl Output {
         write: impl FnOnce(&mut &File) -> Result<(), PartError>,
     ) -> Result<PathBuf, Failure> {
         let place = free_partial_path(path);
-        let part = AtomicFile::begin(&place, WriteOptions::default()).map_err(wrong)?;
-        let Some(mut file) = part.file() else { return Err(wrong(part.failed(io::ErrorKind::NotSeekable.into()))) };
-        match write(&mut file) {
-            Ok(()) => part.commit().map_err(wrong)?,
-            Err(PartError::Picture(error)) => return Err(unfit(&error)),
-            Err(PartError::Write(reason)) => return Err(wrong(part.failed(reason))),
-        }
+        write_seekable(&place, WriteOptions::default(), write)?;
         Ok(place)
     }
 
@@ -367,6 +361,21 @@ pub(crate) fn write_with(
         check_stdout()?;
     }
     write_atomically(path, options, write).map_err(wrong)
+}
+
+/// Calls `write` to write a complete file, in which it may seek, or nothing.
+pub(crate) fn write_seekable(
+    path: &Path,
+    options: WriteOptions,
+    write: impl FnOnce(&mut &File) -> Result<(), PartError>,
+) -> Result<(), Failure> {
+    let part = AtomicFile::begin(path, options).map_err(wrong)?;
+    let Some(mut file) = part.file() else { return Err(wrong(part.failed(io::ErrorKind::NotSeekable.into()))) };
+    match write(&mut file) {
+        Ok(()) => part.commit().map_err(wrong),
+        Err(PartError::Picture(error)) => Err(unfit(&error)),
+        Err(PartError::Write(reason)) => Err(wrong(part.failed(reason))),
+    }
 }
 
 /// Writes files that belong together. None of them appears before all are complete.

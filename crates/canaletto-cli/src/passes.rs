@@ -1,6 +1,7 @@
 //! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
 //! that are gone on with.
 
+use crate::checkpoint::CheckpointWriter;
 use crate::digest::{Digest, UsedFile, changed_file, text_of_files};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
@@ -11,11 +12,11 @@ use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE, not_progressive};
-use canaletto::film::{SampleBlocks, SampleStatistics};
+use canaletto::film::{Checkpoint, SampleBlocks, SampleStatistics};
 use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{SamplerKind, Sampling};
 use canaletto::world::World;
-use canaletto_io::picture::{SAMPLES_TEXT, SOFTWARE, decode, read_samples};
+use canaletto_io::picture::{Decoded, SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
 use serde_json::{Value, json};
 use std::fs;
@@ -68,7 +69,7 @@ pub(crate) struct PassFlags {
 }
 
 /// The parser of a length of time.
-fn time(text: &str) -> Result<Duration, String> {
+pub(crate) fn time(text: &str) -> Result<Duration, String> {
     let expected = || "write a time such as 60s, 5min or 1h30min".to_owned();
     let (mut rest, mut seconds) = (text.trim(), 0.0);
     while !rest.is_empty() {
@@ -173,6 +174,95 @@ pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> [(String, Stri
     [(SCENE_DIGEST.into(), digest), (SCENE_FILES.into(), text_of_files(files))]
 }
 
+/// A picture's file with samples to go on with.
+pub(crate) struct SampleFile<'f> {
+    /// What the user calls it, such as a flag.
+    role: &'static str,
+    file: &'f Path,
+    pub decoded: Decoded,
+}
+
+impl<'f> SampleFile<'f> {
+    /// Reads a file.
+    pub(crate) fn open(role: &'static str, file: &'f Path) -> Result<SampleFile<'f>, Failure> {
+        let failed = |message: String| Failure::new(Exit::Scene, format!("{role} {}: {message}", file.display()));
+        let bytes = fs::read(file).map_err(|error| failed(reason(&error)))?;
+        let decoded = decode(&bytes).map_err(|error| failed(error.to_string()))?;
+        let this = SampleFile { role, file, decoded };
+        if this.text(SCENE_DIGEST).is_none() {
+            return Err(this.failed("it isn't an EXR of a growing picture that this program wrote".into()));
+        }
+        if this.decoded.is_changed {
+            return Err(this
+                .failed(
+                    "its pixels aren't those that were written: it is damaged, or another program changed it".into(),
+                )
+                .help("render the picture from its first sample on"));
+        }
+        Ok(this)
+    }
+
+    fn failed(&self, message: String) -> Failure {
+        Failure::new(Exit::Scene, format!("{} {}: {message}", self.role, self.file.display()))
+    }
+
+    /// A text of the file.
+    pub(crate) fn text(&self, key: &str) -> Option<String> {
+        text_of(&self.decoded.metadata, key)
+    }
+
+    /// Checks that the samples are those of a render with these texts.
+    pub(crate) fn belongs_to(&self, job: &Job, texts: &[(String, String)]) -> Result<(), Failure> {
+        let mut own = texts.to_vec();
+        own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
+        let settings = job.description().settings().into_iter().map(|(key, _)| key);
+        for key in TELLING.into_iter().chain(settings) {
+            let (theirs, own) = (self.text(key), text_of(&own, key));
+            if theirs != own {
+                let [theirs, own] = [theirs, own].map(|text| text.unwrap_or_else(|| "none".to_owned()));
+                return Err(match key {
+                    SCENE_DIGEST => {
+                        let [now, then] =
+                            [text_of(texts, SCENE_FILES), self.text(SCENE_FILES)].map(Option::unwrap_or_default);
+                        let changed = changed_file(&now, &then);
+                        self.failed(changed.unwrap_or_else(|| "the scene has changed since it was rendered".into()))
+                    }
+                    "Software" => self.failed(format!("it was made by {theirs}, and this is {own}")),
+                    _ => self.failed(format!("its {key} is {theirs}, not {own}")),
+                }
+                .help("its samples belong to another picture; render this one from its first sample on"));
+            }
+        }
+        if self.text("sampling").is_some_and(|sampling| sampling.contains("centre")) {
+            return Err(self.failed("its single sample goes through the pixel's centre, where several don't".into()));
+        }
+        Ok(())
+    }
+
+    /// The samples, which are no more than the job asks for.
+    pub(crate) fn samples(&self, job: &Job) -> Result<SampleBlocks, Failure> {
+        let samples = read_samples(&self.decoded, job.first_sample).map_err(|error| self.failed(error.to_string()))?;
+        let (least, wanted) = (fewest(&samples), job.film.sampling.count());
+        if least > wanted {
+            return Err(self.has_enough(least, wanted));
+        }
+        Ok(samples)
+    }
+
+    fn has_enough(&self, least: u32, wanted: u32) -> Failure {
+        self.failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
+            .help(format!("give more, such as --samples {}", 2 * u64::from(least)))
+    }
+}
+
+fn text_of(texts: &[(String, String)], key: &str) -> Option<String> {
+    texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone())
+}
+
+fn fewest(samples: &SampleBlocks) -> u32 {
+    samples.counts().iter().copied().min().unwrap_or(0)
+}
+
 /// The samples of the file of --continue, whose texts must be those of this render. `denoises`: the picture is denoised
 /// when it has its samples.
 pub(crate) fn samples_of_file(
@@ -181,62 +271,30 @@ pub(crate) fn samples_of_file(
     texts: &[(String, String)],
     denoises: bool,
 ) -> Result<SampleBlocks, Failure> {
-    let name = file.display();
-    let failed = |message: String| Failure::new(Exit::Scene, format!("--continue {name}: {message}"));
-    let bytes = fs::read(file).map_err(|error| failed(reason(&error)))?;
-    let decoded = decode(&bytes).map_err(|error| failed(error.to_string()))?;
-    let of = |texts: &[(String, String)], key: &str| {
-        texts.iter().find(|(own, _)| own == key).map_or_else(|| "none".to_owned(), |(_, text)| text.clone())
-    };
-    let mut own = texts.to_vec();
-    own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
-    if decoded.metadata.iter().all(|(key, _)| key != SCENE_DIGEST) {
-        return Err(failed("it isn't an EXR of a growing picture that this program wrote".into()));
-    }
-    if decoded.is_changed {
-        return Err(failed(
-            "its pixels aren't those that were written: it is damaged, or another program changed it".into(),
-        )
-        .help("render the picture from its first sample on"));
-    }
-    let settings = job.description().settings().into_iter().map(|(key, _)| key);
-    for key in TELLING.into_iter().chain(settings) {
-        let (theirs, own) = (of(&decoded.metadata, key), of(&own, key));
-        if theirs != own {
-            return Err(match key {
-                SCENE_DIGEST => {
-                    let (now, then) = (of(texts, SCENE_FILES), of(&decoded.metadata, SCENE_FILES));
-                    let changed = changed_file(&now, &then);
-                    failed(changed.unwrap_or_else(|| "the scene has changed since it was rendered".into()))
-                }
-                "Software" => failed(format!("it was made by {theirs}, and this is {own}")),
-                _ => failed(format!("its {key} is {theirs}, not {own}")),
-            }
-            .help("its samples belong to another picture; render this one from its first sample on"));
-        }
-    }
-    if of(&decoded.metadata, "sampling").contains("centre") {
-        return Err(failed("its single sample goes through the pixel's centre, where several don't".into()));
-    }
-    let samples = read_samples(&decoded, job.first_sample).map_err(|error| failed(error.to_string()))?;
-    let least = samples.counts().iter().copied().min().unwrap_or(0);
-    let wanted = job.film.sampling.count();
+    let file = SampleFile::open("--continue", file)?;
+    file.belongs_to(job, texts)?;
+    let samples = file.samples(job)?;
+    let (least, wanted) = (fewest(&samples), job.film.sampling.count());
     // The part of a picture that has all its samples isn't denoised, or wasn't written.
-    let lacks_more = denoises || decoded.metadata.iter().any(|(key, _)| key == UNFINISHED);
-    if least > wanted || least == wanted && !lacks_more {
-        return Err(failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
-            .help(format!("give more, such as --samples {}", 2 * u64::from(least))));
+    let lacks_more = denoises || file.text(UNFINISHED).is_some();
+    if least == wanted && !lacks_more {
+        return Err(file.has_enough(least, wanted));
     }
     Ok(samples)
+}
+
+/// The text of a file that tells how many samples its pixels have.
+pub(crate) fn sample_texts(samples: &SampleBlocks) -> Option<(String, String)> {
+    let (fewest, most) = (fewest(samples), samples.counts().iter().copied().max()?);
+    let text = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
+    Some((SAMPLES_TEXT.into(), text))
 }
 
 /// Adds to a picture, and to the texts of its file, what another render needs to go on with it. `keeps_halves`: a part
 /// of it has the halves of its samples, too, which denoising needs.
 pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, String)>, keeps_halves: bool) {
-    let (Some(samples), Some(statistics)) = (&rendering.samples, &rendering.statistics) else { return };
-    let (fewest, most) = (statistics.fewest, statistics.most);
-    let text = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
-    texts.push((SAMPLES_TEXT.into(), text));
+    let Some(samples) = &rendering.samples else { return };
+    texts.extend(sample_texts(samples));
     let has = |name: &str| rendering.picture.layers.iter().any(|layer| layer.name == name);
     let mut all = samples.layers(&rendering.picture.pixels);
     if keeps_halves && !rendering.complete {
@@ -314,6 +372,7 @@ pub(crate) struct PassObserver<'a> {
     preview: Option<PreviewFile<'a>>,
     is_quiet: bool,
     outlook: OutlookTime<'a>,
+    checkpoints: Option<&'a CheckpointWriter<'a>>,
     state: Mutex<PassTimes>,
 }
 
@@ -326,13 +385,20 @@ pub(crate) struct OutlookTime<'a> {
     pub made_before: f64,
     /// The time after which it is told, once.
     pub after: Duration,
+    /// The time of rendering before the checkpoint that was taken up.
+    pub spent_before: Duration,
 }
 
 impl<'a> OutlookTime<'a> {
     /// After a minute.
-    pub(crate) fn new(world: &'a World, job: &'a Job, start: Option<&SampleBlocks>) -> OutlookTime<'a> {
+    pub(crate) fn new(
+        world: &'a World,
+        job: &'a Job,
+        start: Option<&SampleBlocks>,
+        spent_before: Duration,
+    ) -> OutlookTime<'a> {
         let made_before = start.map_or(0.0, |start| start.counts().iter().map(|count| f64::from(*count)).sum());
-        OutlookTime { world, job, made_before, after: Duration::from_secs(60) }
+        OutlookTime { world, job, made_before, after: Duration::from_secs(60), spent_before }
     }
 
     /// Whether a pass that ends now may be the last one before that time. Passes at most double the samples.
@@ -372,7 +438,7 @@ impl<'a> PassObserver<'a> {
     ) -> PassObserver<'a> {
         let now = Instant::now();
         let state = Mutex::new(PassTimes {
-            start: now,
+            start: now.checked_sub(outlook.spent_before).unwrap_or(now),
             last: now,
             samples: 0,
             shown: None,
@@ -380,7 +446,13 @@ impl<'a> PassObserver<'a> {
             outlook: None,
             has_told: false,
         });
-        PassObserver { display, style, frame, limit: flags.time, noise: flags.noise, preview, is_quiet, outlook, state }
+        let (limit, noise, checkpoints) = (flags.time, flags.noise, None);
+        PassObserver { display, style, frame, limit, noise, preview, is_quiet, outlook, checkpoints, state }
+    }
+
+    /// Makes checkpoints.
+    pub(crate) fn with_checkpoints(self, checkpoints: Option<&'a CheckpointWriter<'a>>) -> PassObserver<'a> {
+        PassObserver { checkpoints, ..self }
     }
 
     /// Takes note of what is left after a pass.
@@ -434,6 +506,16 @@ impl Observer for PassObserver<'_> {
 
     fn solving(&self, progress: &SolvingProgress) {
         self.display.solving(progress);
+    }
+
+    fn wants_checkpoint(&self) -> bool {
+        self.checkpoints.is_some_and(CheckpointWriter::is_due)
+    }
+
+    fn checkpoint(&self, checkpoint: &Checkpoint) {
+        if let Some(checkpoints) = self.checkpoints {
+            checkpoints.write(checkpoint);
+        }
     }
 
     fn pass_ended(&self, pass: &PassProgress<'_>) -> ControlFlow<()> {
@@ -513,7 +595,7 @@ mod tests {
         let flags = PassFlags { noise: job.noise, ..PassFlags::default() };
         let display = ProgressDisplay::begin(Style::Silent, 0, String::new(), 32 * 24, RunProgress::SINGLE);
         for (after, times) in [(Duration::ZERO, 1), (Duration::from_secs(3600), 0)] {
-            let outlook = OutlookTime { after, ..OutlookTime::new(&world, &job, None) };
+            let outlook = OutlookTime { after, ..OutlookTime::new(&world, &job, None, Duration::ZERO) };
             let observer = PassObserver::new(&display, Style::Plain, 0, &flags, None, false, outlook);
             let observer = Told(observer, Mutex::default());
             let rendering = render(&world, &job, &observer).unwrap();

@@ -28,6 +28,9 @@ pub(crate) struct Report {
     /// The last of the files, if it holds the samples of a partial picture whose own file can't.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples_file: Option<String>,
+    /// The checkpoint of an unfinished picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<String>,
     /// The width and height of the rendered part.
     pub size: [u32; 2],
     /// The number of primitives in the world.

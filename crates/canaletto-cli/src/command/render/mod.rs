@@ -7,6 +7,7 @@ mod plan;
 mod series;
 
 use crate::backdrop::BackgroundFlag;
+use crate::checkpoint::CheckpointFlags;
 use crate::command_files::CommandFiles;
 use crate::denoiser::{DenoiseFlag, Denoiser, denoise_flag};
 use crate::exit::Exit;
@@ -54,6 +55,8 @@ pub(crate) struct RenderFlags {
     pub picture: PictureFlags,
     #[command(flatten)]
     pub passes: PassFlags,
+    #[command(flatten)]
+    pub checkpoints: CheckpointFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
@@ -252,6 +255,7 @@ impl Task {
             .writes("--output", pictures)
             .writes("--output", parts.flat_map(|file| [partial(&file), partial(&with_samples(&file))]))
             .writes("--preview", preview)
+            .writes("--checkpoint", self.flags.checkpoints.file())
     }
 
     /// The files besides the pictures themselves: layers, and pictures in the making.

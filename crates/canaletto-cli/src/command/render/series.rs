@@ -3,6 +3,7 @@
 use super::frame_writer::{FramePicture, FrameWriter};
 use super::{Plan, RenderFlags};
 use crate::backdrop::BackgroundFlag;
+use crate::checkpoint::{CheckpointPlace, CheckpointWriter, Found};
 use crate::complete::{is_complete, texts};
 use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::digest::Digest;
@@ -21,12 +22,12 @@ use crate::passes::{
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, SampleReport, Times};
-use crate::settings::{BACKGROUND, Settings, metadata, sampling_words};
+use crate::settings::{BACKGROUND, Settings, metadata, not_progressive, sampling_words};
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
 use crate::terminal::Paint;
 use crate::told_developing::METERED_EXPOSURE;
-use canaletto::film::{SampleBlocks, metered_exposure};
+use canaletto::film::{Checkpoint, metered_exposure};
 use canaletto::integrator::radiosity::{RadiositySolution, SolutionFingerprint};
 use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, render_from};
 use canaletto::scene::{Developing, Sampling, Scene};
@@ -86,6 +87,14 @@ fn rays(job: &Job) -> u64 {
 }
 
 impl FrameContext {
+    /// The text entries of a file with samples.
+    fn texts_of_samples(&self) -> Vec<(String, String)> {
+        let mut texts = self.texts.clone();
+        let lacking = self.scene_digest.iter().filter(|(key, _)| self.texts.iter().all(|(own, _)| own != key));
+        texts.extend(lacking.cloned());
+        texts
+    }
+
     /// Sets the exposure that was metered, and notes it in the texts.
     fn expose(&mut self, stops: f32) {
         self.job = exposed(&self.job, stops);
@@ -216,6 +225,10 @@ impl<'a> Series<'a> {
                 Failure::usage(message).help(format!("{able} have it; --background scene shows the background"))
             );
         }
+        if self.flags.checkpoints.file().is_some() {
+            settings.job.progressive = true;
+            settings.job.passes().map_err(|why| not_progressive("--checkpoint", why))?;
+        }
         settings.job = self.flags.passes.apply(settings.job, self.flags.picture.samples)?;
         let mut texts = metadata(&self.flags.source, &settings);
         texts.extend(self.flags.passes.texts());
@@ -288,7 +301,8 @@ impl<'a> Series<'a> {
         let stops = match self.metered {
             Some(stops) => stops,
             None => {
-                let small = Job { frame, ..frame_context.job.metering() };
+                // The first frame's random numbers: a series that is gone on with has the exposure that it began with.
+                let small = Job { frame: self.reader.first_frame(), ..frame_context.job.metering() };
                 let label = "exposure  ".to_owned();
                 let pixels = u64::from(small.window()[2]) * u64::from(small.window()[3]);
                 let watch = ProgressDisplay::begin(Style::Silent, frame, label, pixels, RunProgress::SINGLE);
@@ -329,16 +343,20 @@ impl<'a> Series<'a> {
         };
         interrupt::Rendering::begins();
         let first_solution = self.previews(frame_context, world, &job)?;
-        let start = match &self.flags.passes.continue_from {
-            Some(file) => {
-                let mut texts = frame_context.texts.clone();
-                if !plan.output.format.has_layers() {
-                    texts.extend(frame_context.scene_digest.clone());
-                }
-                Some(samples_of_file(file, &job, &texts, self.flags.denoiser().is_some())?)
-            }
+        let texts_of_samples = frame_context.texts_of_samples();
+        let mut place = self.checkpoint_place(&job);
+        let found = match &mut place {
+            Some(place) => self.checkpoint(place, (&job, &texts_of_samples))?,
             None => None,
         };
+        let continued = match (&found, &self.flags.passes.continue_from) {
+            (None, Some(file)) => {
+                let samples = samples_of_file(file, &job, &texts_of_samples, self.flags.denoiser().is_some())?;
+                Some(Checkpoint::from(samples))
+            }
+            _ => None,
+        };
+        let start = found.as_ref().map(|found| &found.checkpoint).or(continued.as_ref());
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         let mut rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
         rendered_job.film.alpha |= plan.backdrop.is_some();
@@ -348,14 +366,24 @@ impl<'a> Series<'a> {
             let finish = plan.finish(output, world);
             PreviewFile { output, job: &job, texts, window: window(&job), finish }
         });
-        let outlook = OutlookTime::new(world, &job, start.as_ref());
+        let spent_before = found.as_ref().map_or(Duration::ZERO, |found| found.spent);
+        let outlook = OutlookTime::new(world, &job, start.map(|start| &start.samples), spent_before);
         let flags = &self.flags;
-        let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook);
-        let rendered = self.rendering(frame_context, world, (&rendered_job, start.as_ref()), &observer);
+        let checkpoints = place.as_ref().map(|place| {
+            CheckpointWriter::new(place, &job, texts_of_samples, (plan.style, flags.quiet), found.as_ref())
+        });
+        let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook)
+            .with_checkpoints(checkpoints.as_ref());
+        let rendered = self.rendering(frame_context, world, (&rendered_job, start), &observer);
         let render = watch.finish().as_secs_f64();
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
         rendering.complete &= !interrupt::stops();
+        let mut checkpoint_file = None;
+        if let (false, Some(writer), Some(samples)) = (rendering.complete, &checkpoints, &rendering.samples) {
+            let checkpoint = Checkpoint { samples: samples.clone(), pass: rendering.pass.clone() };
+            checkpoint_file = writer.write_last(&checkpoint).map(|file| file.display().to_string());
+        }
         if let Some(denoiser) = self.flags.denoiser() {
             self.denoise(denoiser, &mut rendering, (world, &job))?;
         }
@@ -389,11 +417,15 @@ impl<'a> Series<'a> {
             })?;
             rendering.complete = written.is_some();
         }
+        if let (true, Some(writer)) = (rendering.complete, &checkpoints) {
+            writer.remove();
+        }
         let (files, samples_file) = if let Some(files) = written {
             (files, None)
         } else if rendering.pixels_done > 0 && plan.output.format.film().is_none() && !interrupt::is_outdated() {
             let texts = texts_with_samples(&mut rendering);
-            self.write_part(&frame_context.scene_digest, texts, &mut rendering, (world, &job), developing)?
+            let samples = if checkpoint_file.is_none() { Some(&frame_context.scene_digest) } else { None };
+            self.write_part(samples, texts, &mut rendering, (world, &job), developing)?
         } else {
             (Vec::new(), None) // A black picture is worthless, and a film has whole frames.
         };
@@ -406,6 +438,7 @@ impl<'a> Series<'a> {
             pixels,
             files,
             samples_file,
+            checkpoint: checkpoint_file,
             size: [width, height],
             primitives: world.primitives(),
             hierarchies: frame_context.hierarchies,
@@ -423,11 +456,42 @@ impl<'a> Series<'a> {
         Ok(RenderedFrame { whole: report.complete, report })
     }
 
-    /// Writes the part of a picture, and its samples if the picture's own file can't hold them; returns the files'
-    /// names, that of the samples apart, too.
+    /// The file of a frame's checkpoints, if it is a picture that grows.
+    fn checkpoint_place(&self, job: &Job) -> Option<CheckpointPlace> {
+        let (plan, flags) = (self.plan, &self.flags.checkpoints);
+        let picture = &plan.files(job.frame)[0];
+        let grows = job.passes().is_ok() && plan.output.format.film().is_none();
+        grows.then(|| flags.place(plan.output.has_place_beside(picture).then_some(picture)))?
+    }
+
+    /// The checkpoint of a frame that a render which ended early left.
+    fn checkpoint(
+        &mut self,
+        place: &mut CheckpointPlace,
+        job: (&Job, &[(String, String)]),
+    ) -> Result<Option<Found>, Failure> {
+        let picture = self.plan.files(job.0.frame).swap_remove(0);
+        let beside = self.plan.output.has_place_beside(&picture).then_some(picture);
+        let mut warnings = Diagnostics::new();
+        let found = place.open(job, beside.as_deref(), &mut |warning| warnings.push(warning))?;
+        self.tell_of(&warnings);
+        if let Some(Found { checkpoint, .. }) = &found {
+            let (file, samples) = (place.path(), checkpoint.samples.counts().iter().min());
+            if self.plan.style == Style::Json {
+                emit(&json!({ "event": "resumed", "frame": job.0.frame, "file": file, "samples": samples }));
+            } else if !self.flags.quiet {
+                let samples = plural(u64::from(*samples.unwrap_or(&0)), "sample");
+                eprint_line(&format!("going on with {}: each pixel has {samples}", file.display()));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Writes the part of a picture, and with a scene's digest its samples if the picture's own file can't hold them;
+    /// returns the files' names, that of the samples apart, too.
     fn write_part(
         &self,
-        scene_digest: &[(String, String); 2],
+        scene_digest: Option<&[(String, String); 2]>,
         texts: Vec<(String, String)>,
         rendering: &mut Rendering,
         (world, job): (&World, &Job),
@@ -438,7 +502,7 @@ impl<'a> Series<'a> {
         let has_own = rendering.samples.is_some() && has_place && !plan.numbered && !plan.output.format.has_layers();
         // The samples come first. The picture can be made of them, but they can't be made of the picture. So a second
         // signal, a crash or the end of the time for saving rather costs the picture. The picture takes little time.
-        let samples = has_own.then(|| {
+        let samples = scene_digest.filter(|_| has_own).map(|scene_digest| {
             let mut texts = texts.clone();
             texts.extend(scene_digest.clone());
             let own = rendering.picture.layers.len();
@@ -543,7 +607,7 @@ impl<'a> Series<'a> {
         &mut self,
         frame_context: &FrameContext,
         world: &World,
-        (job, start): (&Job, Option<&SampleBlocks>),
+        (job, start): (&Job, Option<&Checkpoint>),
         observer: &dyn Observer,
     ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
         let name = self.reader.name.clone();
@@ -706,7 +770,11 @@ fn one_interrupted(paint: &str, report: &Report) -> String {
         && samples.fewest > 0
     {
         let kept = report.files.iter().find(|file| file.ends_with(".exr"));
-        let go_on = kept.map_or_else(String::new, |kept| format!("; --continue {kept} goes on with it"));
+        let go_on = match (&report.checkpoint, kept) {
+            (Some(checkpoint), _) => format!("; the same command goes on from {checkpoint}"),
+            (None, Some(kept)) => format!("; --continue {kept} goes on with it"),
+            (None, None) => String::new(),
+        };
         return format!("{paint} each pixel has {}; {file} has the picture{go_on}", samples.words());
     }
     let percent = percent(report);
