@@ -40,10 +40,10 @@ const BY_ITSELF_AFTER: Duration = Duration::from_secs(60);
 const EVERY: Duration = Duration::from_secs(30);
 const LEAST_PAUSE: u32 = 200;
 /// The keys of the texts of the pass in work: the numbers of samples before and after it, and its cells.
-const PASS: &str = "checkpoint-pass";
-const CELLS: &str = "checkpoint-cells";
+const PASS: &str = "pass";
+const CELLS: &str = "pass-cells";
 /// The key of the text of the seconds of rendering so far.
-const SECONDS: &str = "checkpoint-seconds";
+const SECONDS: &str = "seconds-so-far";
 
 /// The file of a picture's checkpoints.
 #[derive(Clone, Debug)]
