@@ -1,7 +1,8 @@
 //! Checkpoints: the samples of a growing picture in a file beside it, while it is rendered. A render that ended at any
 //! moment is taken up by the same command, and its bytes are those of one that wasn't ended.
 
-use crate::failure::{Failure, print_diagnostics};
+use crate::exit::Exit;
+use crate::failure::{Failure, print_diagnostics, reason};
 use crate::interrupt;
 use crate::output::{window, write_seekable};
 use crate::partial::UNFINISHED;
@@ -13,7 +14,8 @@ use canaletto_io::diagnostic::Diagnostic;
 use canaletto_io::picture::{Compression, Decoded, EncodeSettings, PictureFormat, Rendered, WriteOptions};
 use clap::Args;
 use serde_json::json;
-use std::fs;
+use std::ffi::OsString;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -45,13 +47,46 @@ const CELLS: &str = "pass-cells";
 /// The key of the text of the seconds of rendering so far.
 const SECONDS: &str = "seconds-so-far";
 
+/// A lock on a checkpoint's file, which ends with the program. No two renders write one file.
+#[derive(Debug)]
+struct Lock {
+    file: PathBuf,
+    _open: File,
+}
+
+impl Lock {
+    /// Locks a checkpoint's file by one beside it.
+    fn of(checkpoint: &Path) -> Result<Lock, Failure> {
+        let mut name = OsString::from(".");
+        name.push(checkpoint.file_name().unwrap_or_default());
+        name.push(".lock");
+        let file = checkpoint.with_file_name(name);
+        let failed = |why: &str| Failure::new(Exit::Failed, format!("checkpoint {}: {why}", checkpoint.display()));
+        let open = File::options().create(true).truncate(false).write(true).open(&file);
+        let open = open.map_err(|error| failed(&reason(&error)))?;
+        match open.try_lock() {
+            Ok(()) => Ok(Lock { file, _open: open }),
+            Err(TryLockError::WouldBlock) => Err(failed("another render is at work on it")),
+            // The file system has no locks.
+            Err(TryLockError::Error(_)) => Ok(Lock { file, _open: open }),
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.file);
+    }
+}
+
 /// The file of a picture's checkpoints.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct CheckpointPlace {
     path: PathBuf,
     /// The time between two, if it was given.
     every: Option<Duration>,
     is_asked_for: bool,
+    lock: Mutex<Option<Lock>>,
 }
 
 /// A checkpoint that is taken up.
@@ -70,7 +105,8 @@ impl CheckpointFlags {
             Some(file) => file.clone(),
             None => beside(picture?, 1),
         };
-        Some(CheckpointPlace { path, every: self.checkpoint_every, is_asked_for: self.checkpoint.is_some() })
+        let (every, is_asked_for) = (self.checkpoint_every, self.checkpoint.is_some());
+        Some(CheckpointPlace { path, every, is_asked_for, lock: Mutex::default() })
     }
 
     /// The file that is asked for.
@@ -96,7 +132,11 @@ impl CheckpointPlace {
         warn: &mut dyn FnMut(Diagnostic),
     ) -> Result<Option<Found>, Failure> {
         for n in 1.. {
-            if self.path.symlink_metadata().is_err() {
+            let is_there = self.path.symlink_metadata().is_ok();
+            if is_there || self.is_asked_for {
+                self.lock()?;
+            }
+            if !is_there {
                 return Ok(None);
             }
             let found = SampleFile::open("checkpoint", &self.path).and_then(|file| {
@@ -120,6 +160,7 @@ impl CheckpointPlace {
                 }
                 Err(Failure::Message { message, .. }) => {
                     let Some(picture) = picture else { return Ok(None) };
+                    *self.lock.get_mut().unwrap_or_else(PoisonError::into_inner) = None;
                     self.path = beside(picture, n + 1);
                     let kept = format!("it is kept; checkpoints of this picture go into {}", self.path.display());
                     warn(Diagnostic::warning("--checkpoint", message).help(kept));
@@ -128,6 +169,15 @@ impl CheckpointPlace {
             }
         }
         Ok(None)
+    }
+
+    /// Locks the file for this render.
+    fn lock(&self) -> Result<(), Failure> {
+        let mut lock = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        if lock.is_none() {
+            *lock = Some(Lock::of(&self.path)?);
+        }
+        Ok(())
     }
 
     /// The file's path.
@@ -210,7 +260,7 @@ impl<'a> CheckpointWriter<'a> {
     /// Writes a checkpoint that was due. Where it can't be written, the last one stays, and the render goes on.
     pub(crate) fn write(&self, checkpoint: &Checkpoint) {
         let start = Instant::now();
-        let written = self.write_file(checkpoint);
+        let written = self.place.lock().and_then(|()| self.write_file(checkpoint));
         let pause = self.place.every.unwrap_or_else(|| EVERY.max(start.elapsed() * LEAST_PAUSE));
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.due = Some(Instant::now() + pause);
