@@ -1,7 +1,7 @@
 //! Pictures that are made in passes of samples: parts add up, stopped pictures go on, and pixels get as many samples as
 //! they need.
 
-use canaletto::film::{BlockMean, Checkpoint, HalfBuffers};
+use canaletto::film::{BlockMean, Checkpoint, HalfBuffers, SampleBlocks};
 use canaletto::render::{
     Aov, Job, JobError, Observer, PassProgress, Preparation, Progress, Rendering, render, render_from, render_on,
 };
@@ -145,6 +145,49 @@ fn a_picture_killed_at_any_moment_goes_on_to_the_same_bytes() {
             same(&made, &whole, &format!("{name}, round {round}, {kills} kills"));
         }
         assert!(kills > 4 && midway > 0, "{name}: {kills} kills, {midway} in the middle of a pass");
+    }
+}
+
+/// Parts of samples and of rows, cut anywhere, add up to the picture: by one after the other, or by a tree of merges.
+#[test]
+fn parts_of_any_cut_are_the_whole() {
+    let world = world();
+    let [width, height] = [40, 30];
+    let whole = render(&world, &job(50), &()).unwrap().samples.unwrap();
+    let mut random = Random(9);
+    let mut cuts = |end: u32, most: f32| -> Vec<u32> {
+        let mut cuts: Vec<u32> =
+            (0..random.within(0.0, most) as u32).map(|_| random.within(1.0, end as f32) as u32).collect();
+        cuts.extend([0, end]);
+        cuts.sort_unstable();
+        cuts.dedup();
+        cuts
+    };
+    for round in 0..6 {
+        let (rows, samples) = (cuts(height, 3.0), cuts(50, 5.0));
+        let part = |[top, bottom]: [u32; 2], [first, end]: [u32; 2]| {
+            let mut job = Job { first_sample: first, end_sample: Some(end), ..job(50) };
+            job.film.crop = Some([0, top, width, bottom - top]);
+            render(&world, &job, &()).unwrap().samples.unwrap()
+        };
+        let mut joined = SampleBlocks::new([width, height], 0, true);
+        let mut by_trees = SampleBlocks::new([width, height], 0, true);
+        for row in rows.windows(2) {
+            let mut parts: Vec<SampleBlocks> =
+                samples.windows(2).map(|range| part([row[0], row[1]], [range[0], range[1]])).collect();
+            for part in &parts {
+                assert!(joined.merge(part, [0, row[0]]));
+                assert!(!joined.merge(part, [0, row[0]]), "no part is added twice");
+            }
+            // Neighbours are joined first, in any order.
+            while parts.len() > 1 {
+                let at = (round * 7 + parts.len()) % (parts.len() - 1);
+                let next = parts.remove(at + 1);
+                assert!(parts[at].merge(&next, [0, 0]));
+            }
+            assert!(by_trees.merge(&parts[0], [0, row[0]]));
+        }
+        assert!(joined == whole && by_trees == whole, "rows {rows:?}, samples {samples:?}");
     }
 }
 

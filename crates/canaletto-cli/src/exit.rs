@@ -16,6 +16,22 @@ pub(crate) enum Exit {
     Scene = 3,
     /// Two pictures differ by more than a threshold, or a graded picture isn't right.
     Threshold = 4,
+    /// Parts of a picture are missing.
+    PartMissing = 10,
+    /// A part is there twice.
+    PartDouble = 11,
+    /// Two parts have samples in common.
+    PartOverlap = 12,
+    /// A part is of another scene.
+    PartScene = 13,
+    /// A part was made with other settings, or in another size.
+    PartSetting = 14,
+    /// A part was made by another version of the program.
+    PartVersion = 15,
+    /// A file is no part, or isn't whole.
+    PartUnreadable = 16,
+    /// The bytes of a part's pixels have changed.
+    PartChanged = 17,
     /// Ctrl-C ended the command.
     Interrupted = 130,
     /// A termination signal ended the command. It stands in [`Exit::Interrupted`]'s place for the shell.
@@ -24,7 +40,7 @@ pub(crate) enum Exit {
 
 impl Exit {
     /// Every exit code with its meaning, for the help and the manual.
-    pub(crate) const ALL: [(Exit, &str); 7] = [
+    pub(crate) const ALL: [(Exit, &str); 15] = [
         (Exit::Done, "success"),
         (Exit::Failed, "another failure: a file can't be written, memory is exhausted, ..."),
         (Exit::Usage, "the command line is wrong"),
@@ -33,6 +49,14 @@ impl Exit {
             Exit::Threshold,
             "compare, compare-methods: the pictures differ by more than a threshold; grade: the picture isn't right",
         ),
+        (Exit::PartMissing, "merge: parts are missing"),
+        (Exit::PartDouble, "merge: a part is there twice"),
+        (Exit::PartOverlap, "merge: two parts have samples in common"),
+        (Exit::PartScene, "merge: a part is of another scene"),
+        (Exit::PartSetting, "merge: a part was made with other settings, or in another size"),
+        (Exit::PartVersion, "merge: a part was made by another version of the program"),
+        (Exit::PartUnreadable, "merge: a file is no part, or isn't whole"),
+        (Exit::PartChanged, "merge: the pixels of a part aren't those that were written"),
         (
             Exit::Interrupted,
             "interrupted; render keeps finished frames, and the finished part of a picture as name.partial.png",

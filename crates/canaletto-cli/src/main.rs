@@ -32,6 +32,7 @@ mod noise_outlook;
 mod omissions;
 mod output;
 mod output_format;
+mod part;
 mod partial;
 mod passes;
 mod picture_file;
@@ -54,7 +55,7 @@ use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
     bake, check, compare, compare_methods, completions, convert, denoise, explain, form_factor, grade, info, ladder,
-    man, measure, render,
+    man, measure, merge, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -109,6 +110,7 @@ enum Command {
     Bake(bake::BakeFlags),
     Convert(Box<convert::ConvertFlags>),
     Denoise(denoise::DenoiseFlags),
+    Merge(merge::MergeFlags),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -154,6 +156,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Bake(flags) => bake::run(flags),
         Command::Convert(flags) => convert::run(flags),
         Command::Denoise(flags) => denoise::run(flags),
+        Command::Merge(flags) => merge::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),

@@ -8,12 +8,14 @@ use crate::failure::{Failure, reason};
 use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::noise_outlook::Outlook;
+use crate::part::PART;
 use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
 use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE, not_progressive};
+use canaletto::Named;
 use canaletto::film::{Checkpoint, SampleBlocks, SampleStatistics};
-use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
+use canaletto::render::{Aov, Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{SamplerKind, Sampling};
 use canaletto::world::World;
 use canaletto_io::picture::{Decoded, SAMPLES_TEXT, SOFTWARE, decode, read_samples};
@@ -144,11 +146,11 @@ impl PassFlags {
 }
 
 /// The keys of the texts by which a changed scene is noticed: the digest of all, and the hash of each file.
-const SCENE_DIGEST: &str = "scene-digest";
-const SCENE_FILES: &str = "scene-files";
+pub(crate) const SCENE_DIGEST: &str = "scene-digest";
+pub(crate) const SCENE_FILES: &str = "scene-files";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 17] = [
+const TELLING: [&str; 18] = [
     "Software",
     "size",
     "crop",
@@ -156,6 +158,7 @@ const TELLING: [&str; 17] = [
     "frame",
     "seed",
     "first-sample",
+    PART,
     "integrator",
     PROGRESSIVE,
     ALPHA,
@@ -302,6 +305,15 @@ pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, St
     }
     let new: Vec<_> = all.into_iter().filter(|layer| !has(layer.name)).collect();
     rendering.picture.layers.extend(new);
+}
+
+/// Adds to a part of a picture, and to the texts of its file, what merging needs: the means of its blocks and of their
+/// halves, in place of the halves of all samples.
+pub(crate) fn add_part(rendering: &mut Rendering, texts: &mut Vec<(String, String)>) {
+    rendering.picture.layers.retain(|layer| Aov::from_name(layer.name).is_none_or(|aov| !aov.is_half()));
+    add_samples(rendering, texts, false);
+    let halves = rendering.samples.as_ref().map_or_else(Vec::new, SampleBlocks::half_layers);
+    rendering.picture.layers.extend(halves);
 }
 
 /// Warnings about the samples of a picture.

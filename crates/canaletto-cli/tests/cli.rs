@@ -519,7 +519,7 @@ fn two_signals_leave_no_half_file() {
     let (mut child, ..) = long_render(&folder);
     signal(&child, "-TERM");
     signal(&child, "-INT");
-    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(child.wait().unwrap().code(), Some(143));
     assert!(folder.names().iter().all(|name| name == "long.partial.png"), "{:?}", folder.names());
 }
 

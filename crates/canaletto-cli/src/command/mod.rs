@@ -14,4 +14,5 @@ pub(crate) mod info;
 pub(crate) mod ladder;
 pub(crate) mod man;
 pub(crate) mod measure;
+pub(crate) mod merge;
 pub(crate) mod render;

@@ -51,6 +51,11 @@ pub struct Layer {
 }
 
 impl Layer {
+    /// A layer of numbers; see [`Layer::data`].
+    pub fn new(name: &'static str, channels: &'static [&'static str], data: Vec<f32>) -> Layer {
+        Layer { name, channels, data, ids: Vec::new() }
+    }
+
     /// The object or material number of pixel `i`, in a layer of such numbers.
     pub fn id(&self, i: usize) -> u32 {
         self.ids.get(i).copied().unwrap_or(self.data[i] as u32)

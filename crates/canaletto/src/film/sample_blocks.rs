@@ -291,6 +291,23 @@ impl SampleBlocks {
         true
     }
 
+    /// Adds the samples of a rectangle of these pixels that come next, with its upper left corner at x and y. Returns
+    /// whether they do: everywhere the first of them has the number after the last of these, and none is added
+    /// otherwise.
+    pub fn merge(&mut self, part: &SampleBlocks, [x, y]: [u32; 2]) -> bool {
+        let [width, height] = part.size();
+        let fits = |at: u32, size: u32, whole: u32| at.checked_add(size).is_some_and(|end| end <= whole);
+        if !fits(x, width, self.width) || !fits(y, height, self.height) {
+            return false;
+        }
+        let mut area = self.part([x, y, width, height], self.keeps_halves());
+        let fits = area.append(part);
+        if fits {
+            self.insert(&area, [x, y]);
+        }
+        fits
+    }
+
     /// The mean of a pixel's samples; black without samples.
     pub fn mean(&self, pixel: usize) -> Rgb {
         self.weighted(pixel, |place| self.means[place])

@@ -62,7 +62,7 @@ impl Job {
                 return Err(OutOfRange::new(name, format!("is {value}; it must be more than 0")).into());
             }
         }
-        if self.first_sample.checked_add(self.sample_count()).is_none_or(|end| end > Sampling::MAX_SAMPLES) {
+        if self.first_sample.checked_add(self.own_sample_count()).is_none_or(|end| end > Sampling::MAX_SAMPLES) {
             let problem = format!("is {}, so that samples pass number {}", self.first_sample, Sampling::MAX_SAMPLES);
             return Err(OutOfRange::new("first-sample", problem).into());
         }

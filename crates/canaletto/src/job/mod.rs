@@ -50,6 +50,9 @@ pub struct Job {
     pub aovs: Vec<Aov>,
     /// The number of each pixel's first sample. Pictures of other samples of the same scene can be added.
     pub first_sample: u32,
+    /// The number after each pixel's last sample; none: as many samples as the film says. It makes a part of a picture
+    /// of that many.
+    pub end_sample: Option<u32>,
     /// Whether the picture is made of blocks of samples that add up, by integrators that make it otherwise as well.
     /// Path tracing's pictures are made so wherever they can be. Such a picture can be stopped after any pass, gone on
     /// with, and made in parts, since its samples don't depend on how many there will be.
@@ -158,6 +161,7 @@ impl Job {
             tile: 32,
             aovs: Vec::new(),
             first_sample: 0,
+            end_sample: None,
             progressive: false,
             noise: None,
             clamp: None,
@@ -167,6 +171,11 @@ impl Job {
     /// The number of samples of each pixel; for adaptive sampling, of a refined one.
     pub(crate) fn sample_count(&self) -> u32 {
         self.film.sampling.count()
+    }
+
+    /// The number of samples of each pixel that this job makes.
+    pub(crate) fn own_sample_count(&self) -> u32 {
+        self.end_sample.map_or(self.sample_count(), |end| end.saturating_sub(self.first_sample))
     }
 
     /// What camera rays see straight on in place of the surroundings, in a picture with an alpha: nothing, or what the

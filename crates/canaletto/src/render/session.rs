@@ -117,7 +117,7 @@ impl<'w> Session<'w> {
             FilmState::Weighted { is_done: (0..tiles.count()).map(|_| AtomicBool::new(false)).collect() }
         };
         let [_, _, width, height] = made.window();
-        let samples = if made.is_progressive() { made.sample_count().into() } else { 1 };
+        let samples = if made.is_progressive() { made.own_sample_count().into() } else { 1 };
         let picture = PictureState {
             picture: Rendering::unfinished(made.world(), &made).picture,
             counts: prepared.preparation_counts(),
@@ -370,7 +370,7 @@ impl<'w> Session<'w> {
     /// Makes passes until all pixels have their samples, or little enough noise, or the observer ends them.
     fn run_passes(&mut self, observer: &dyn Observer) -> Result<ControlFlow<()>, JobError> {
         let from = self.fewest_samples();
-        let end = self.made.sample_count().max(from);
+        let end = self.made.own_sample_count().max(from);
         let state = self.state();
         state.planned = state.picture.pixels.len() as u64 * u64::from(end - from);
         let mut begun = self.begun_pass(end);
@@ -456,7 +456,7 @@ impl<'w> Session<'w> {
 
     /// Ends the session: what is known becomes a rendering. Layers for denoising are made if the picture is complete.
     fn finish(self, is_complete: bool, observer: &dyn Observer) -> Rendering {
-        let end = self.made.sample_count();
+        let end = self.made.own_sample_count();
         let (samples, mut statistics) = (self.samples(), None);
         if let (Some(samples), FilmState::Blocks { tiles, .. }) = (&samples, &self.film) {
             let mut all = SampleStatistics::default();

@@ -19,6 +19,7 @@ use crate::memory::Memory;
 use crate::model::is_model;
 use crate::output::OutputFlags;
 use crate::output_format::Format;
+use crate::part::PartFlags;
 use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
@@ -57,6 +58,8 @@ pub(crate) struct RenderFlags {
     pub passes: PassFlags,
     #[command(flatten)]
     pub checkpoints: CheckpointFlags,
+    #[command(flatten)]
+    pub parts: PartFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation

@@ -78,6 +78,10 @@ impl Plan {
         } else if aovs.contains(&Aov::Noisy) {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
+        let has_samples = output.format.has_layers() && output.settings.bits != Some(16);
+        if flags.parts.part.is_some() && (!has_samples || flags.frames.is_some() || output.is_stdout()) {
+            return Err(Failure::usage("--part: a part is one EXR of 32 bits").help("such as -o part-1.exr"));
+        }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
         let backdrop = flags.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
         let backdrop = backdrop.map(BackdropFlag::load).transpose()?;

@@ -16,8 +16,9 @@ use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, me
 use crate::omissions::{doubt_omissions, doubt_ray_trees, shortfalls};
 use crate::output::window;
 use crate::output_format::Format;
+use crate::part::{self, texts_of_part};
 use crate::passes::{
-    OutlookTime, PassObserver, add_samples, noise_left, sample_warnings, samples_of_file, scene_digest,
+    OutlookTime, PassObserver, add_part, add_samples, noise_left, sample_warnings, samples_of_file, scene_digest,
 };
 use crate::preview::{Preview, PreviewFile, previews, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -225,6 +226,10 @@ impl<'a> Series<'a> {
                 Failure::usage(message).help(format!("{able} have it; --background scene shows the background"))
             );
         }
+        if self.flags.parts.part.is_some() {
+            settings.job.progressive = true;
+            settings.job.passes().map_err(|why| not_progressive("--part", why))?;
+        }
         if self.flags.checkpoints.file().is_some() {
             settings.job.progressive = true;
             settings.job.passes().map_err(|why| not_progressive("--checkpoint", why))?;
@@ -247,6 +252,9 @@ impl<'a> Series<'a> {
             texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
             texts.extend(scene_digest(&source.files, &self.flags.source.changes()));
+        }
+        if self.flags.parts.part.is_some() {
+            part::check(&job)?;
         }
         let previews = match self.plan.preview.is_some() {
             true => previews(&source.name, &source.scene, &self.flags.picture, &job),
@@ -319,6 +327,8 @@ impl<'a> Series<'a> {
     fn frame(&mut self, frame_context: &FrameContext, world: &World, frame: u32) -> Result<RenderedFrame, Failure> {
         let plan = self.plan;
         let job = Job { frame, ..frame_context.job.clone() };
+        let cut = self.flags.parts.cut(&job)?;
+        let job = cut.map_or(job.clone(), |cut| cut.of_job(&job));
         let [_, _, width, height] = job.window();
         let pixels = u64::from(width) * u64::from(height);
         let threads = rayon::current_num_threads();
@@ -343,7 +353,8 @@ impl<'a> Series<'a> {
         };
         interrupt::Rendering::begins();
         let first_solution = self.previews(frame_context, world, &job)?;
-        let texts_of_samples = frame_context.texts_of_samples();
+        let mut texts_of_samples = frame_context.texts_of_samples();
+        texts_of_samples.extend(cut.iter().flat_map(|cut| texts_of_part(cut, &frame_context.texts)));
         let mut place = self.checkpoint_place(&job);
         let found = match &mut place {
             Some(place) => self.checkpoint(place, (&job, &texts_of_samples))?,
@@ -360,6 +371,9 @@ impl<'a> Series<'a> {
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         let mut rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
         rendered_job.film.alpha |= plan.backdrop.is_some();
+        if cut.is_some_and(|cut| !cut.is_first()) {
+            rendered_job.aovs.retain(|aov| !aov.is_of_denoising());
+        }
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
         let preview = preview.map(|output| {
@@ -370,7 +384,7 @@ impl<'a> Series<'a> {
         let outlook = OutlookTime::new(world, &job, start.map(|start| &start.samples), spent_before);
         let flags = &self.flags;
         let checkpoints = place.as_ref().map(|place| {
-            CheckpointWriter::new(place, &job, texts_of_samples, (plan.style, flags.quiet), found.as_ref())
+            CheckpointWriter::new(place, &job, texts_of_samples.clone(), (plan.style, flags.quiet), found.as_ref())
         });
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook)
             .with_checkpoints(checkpoints.as_ref());
@@ -384,7 +398,7 @@ impl<'a> Series<'a> {
             let checkpoint = Checkpoint { samples: samples.clone(), pass: rendering.pass.clone() };
             checkpoint_file = writer.write_last(&checkpoint).map(|file| file.display().to_string());
         }
-        if let Some(denoiser) = self.flags.denoiser() {
+        if let (Some(denoiser), None) = (self.flags.denoiser(), &cut) {
             self.denoise(denoiser, &mut rendering, (world, &job))?;
         }
         self.tell_of_samples(&rendering, &job);
@@ -400,7 +414,10 @@ impl<'a> Series<'a> {
         let keeps_samples = !plan.numbered && plan.output.format.has_layers();
         let texts_with_samples = |rendering: &mut Rendering| {
             let mut texts = frame_context.texts.clone();
-            if keeps_samples {
+            if cut.is_some() {
+                texts.clone_from(&texts_of_samples);
+                add_part(rendering, &mut texts);
+            } else if keeps_samples {
                 add_samples(rendering, &mut texts, self.flags.denoiser().is_some());
             }
             texts

@@ -1,0 +1,438 @@
+//! `canaletto merge`: the parts of a picture as one, with the bytes of one render.
+
+use crate::command_files::{CommandFiles, FolderFlag};
+use crate::denoiser::{Denoiser, lacks, of_rendering, told};
+use crate::digest::changed_file;
+use crate::exit::Exit;
+use crate::failure::{Failure, eprint_line, reason};
+use crate::format::{count, plural};
+use crate::output::{check_files, unfit, write_file};
+use crate::output_format::Format;
+use crate::part::{Cut, PART, PICTURE_TEXTS};
+use crate::partial::UNFINISHED;
+use crate::passes::{SCENE_DIGEST, SCENE_FILES, sample_texts};
+use crate::source::on_threads;
+use crate::told_developing::ToldDeveloping;
+use canaletto::Named;
+use canaletto::film::{Layer, Picture, SampleBlocks};
+use canaletto::render::Aov;
+use canaletto::scene::Developing;
+use canaletto_io::picture::{
+    Compression, Decoded, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, Window, decode, read_samples,
+};
+use clap::{Args, ValueEnum};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Joins the parts of a picture that `render --part` made.
+///
+/// The order of the parts doesn't matter, and the bytes are those of one render of the whole picture. Denoising and tone
+/// are those that the parts were rendered with. Parts may be joined to larger parts first.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct MergeFlags {
+    /// The parts
+    #[arg(value_name = "PART", required = true)]
+    pub parts: Vec<PathBuf>,
+
+    /// Sets the output file: .exr, .png, .jpg or .webp
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+
+    /// Writes a larger part, for another merge, in place of the picture
+    #[arg(long)]
+    pub as_part: bool,
+
+    /// Makes the picture of the parts that are there, and says how much of it that is
+    #[arg(long, conflicts_with = "as_part")]
+    pub partial: bool,
+
+    /// Sets the number of threads [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<u16>,
+
+    /// Fails if the file exists already, instead of replacing it
+    #[arg(long)]
+    pub no_clobber: bool,
+
+    #[command(flatten)]
+    pub folder: FolderFlag,
+
+    /// Prints errors only
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  canaletto render scenes/path.kdl --samples 64 --part 1/2 -o part-1.exr
+  canaletto render scenes/path.kdl --samples 64 --part 2/2 -o part-2.exr
+  canaletto merge part-1.exr part-2.exr -o room.png";
+
+/// Runs the command.
+pub(crate) fn run(flags: &MergeFlags) -> Result<Exit, Failure> {
+    on_threads(flags.threads, || merge(flags))?
+}
+
+/// A part without its pixels.
+struct PartFile<'f> {
+    path: &'f Path,
+    cut: Cut,
+    /// The texts by which parts are compared.
+    texts: Vec<(String, String)>,
+    window: Window,
+}
+
+/// The texts that differ from part to part.
+const OWN: [&str; 3] = [PART, SAMPLES_TEXT, UNFINISHED];
+
+fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
+    let extension = flags.output.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let format = extension.as_deref().and_then(Format::of_extension).and_then(Format::picture);
+    let Some(format) = format.filter(|format| !flags.as_part || *format == PictureFormat::Exr) else {
+        let known = if flags.as_part { ".exr".to_owned() } else { Format::picture_extensions() };
+        return Err(Failure::usage(format!("--output {}: end the name in {known}", flags.output.display())));
+    };
+    let files = CommandFiles::default().reads("PART", &flags.parts).writes("--output", [flags.output.clone()]);
+    files.check()?;
+    flags.folder.make_folders(&files)?;
+    check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
+    // No two parts are in memory at once.
+    let mut parts = flags.parts.iter().map(|path| Ok(read(path)?.0)).collect::<Result<Vec<_>, Failure>>()?;
+    parts.iter().skip(1).try_for_each(|part| compare(&parts[0], part))?;
+    parts.sort_by_key(|part| (part.cut.samples[0], part.cut.area[1]));
+    let whole = extent(&parts, flags.as_part);
+    check_cover(&parts, &whole, flags.partial)?;
+    let made = join(&parts, &whole, flags.partial)?;
+    let texts = &parts[0].texts;
+    let is_whole = !flags.as_part && made.share == 1.0;
+    let bytes = match flags.as_part {
+        true => encode_part(made, &parts[0], whole)?,
+        false => encode_picture(made, (texts, format), &parts[0], &whole, flags)?,
+    };
+    write_file(&flags.output, &bytes)?;
+    if !flags.quiet {
+        let share = if is_whole || flags.as_part { String::new() } else { ", of parts that are there".to_owned() };
+        let parts = plural(parts.len() as u64, "part");
+        let [_, _, width, height] = whole.area;
+        let [from, to] = whole.samples;
+        let samples = count((to - from).into());
+        eprint_line(&format!(
+            "{}: {width} x {height} pixels, {samples} samples per pixel, of {parts}{share}",
+            flags.output.display()
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+/// Reads a part.
+fn read(path: &Path) -> Result<(PartFile<'_>, Decoded), Failure> {
+    let failed = |exit: Exit, message: &str| Failure::new(exit, format!("{}: {message}", path.display()));
+    let bytes = fs::read(path).map_err(|error| failed(Exit::PartUnreadable, &reason(&error)))?;
+    let mut decoded = decode(&bytes).map_err(|error| failed(Exit::PartUnreadable, &error.to_string()))?;
+    let cut = decoded.metadata.iter().find(|(key, _)| key == PART);
+    let Some(cut) = cut.and_then(|(_, text)| serde_json::from_str::<Cut>(text).ok()) else {
+        let failure = failed(Exit::PartUnreadable, "it is no part of a picture that canaletto render --part made");
+        return Err(failure);
+    };
+    if decoded.is_changed {
+        return Err(failed(Exit::PartChanged, "its pixels aren't those that were written")
+            .help("copy it again, or render this part again"));
+    }
+    if decoded.metadata.iter().any(|(key, _)| key == UNFINISHED) {
+        let failure = failed(Exit::PartUnreadable, "it was interrupted, and isn't whole");
+        return Err(failure.help("the command that made it goes on with it"));
+    }
+    let (width, height) = (decoded.image.width, decoded.image.height);
+    let is_sound = cut.samples[0] < cut.samples[1] && [width, height] == [cut.area[2], cut.area[3]];
+    if !is_sound {
+        return Err(failed(Exit::PartUnreadable, "its size isn't the one that its text says"));
+    }
+    let texts = std::mem::take(&mut decoded.metadata);
+    let texts = texts.into_iter().filter(|(key, _)| !OWN.contains(&key.as_str())).collect();
+    Ok((PartFile { path, cut, texts, window: decoded.window }, decoded))
+}
+
+/// Checks that two parts are of one picture.
+fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
+    let of = |part: &PartFile, key: &str| part.texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone());
+    let refuse = |exit: Exit, what: String| {
+        let [a, b] = [part, first].map(|part| part.path.display());
+        Err(Failure::new(exit, format!("{a} is of another picture than {b}: {what}")))
+    };
+    if of(first, "Software") != of(part, "Software") {
+        let [a, b] = [part, first].map(|part| of(part, "Software").unwrap_or_default());
+        return refuse(Exit::PartVersion, format!("it was made by {a}, and the other one by {b}"));
+    }
+    if of(first, SCENE_DIGEST) != of(part, SCENE_DIGEST) {
+        let [now, then] = [part, first].map(|part| of(part, SCENE_FILES).unwrap_or_default());
+        let what = changed_file(&now, &then).map_or("the scenes differ".to_owned(), |what| {
+            what.replace(" since it was rendered", " between them").replace("when it was rendered", "in the other one")
+        });
+        return refuse(Exit::PartScene, what);
+    }
+    // What the others follow from comes first.
+    let keys = first.texts.iter().chain(&part.texts).map(|(key, _)| key.as_str()).filter(|key| *key != PICTURE_TEXTS);
+    for key in ["integrator", "size", "camera", "seed"].into_iter().chain(keys) {
+        let [a, b] = [part, first].map(|part| of(part, key).unwrap_or_else(|| "none".to_owned()));
+        if a != b {
+            return refuse(Exit::PartSetting, format!("its {key} is {a}, not {b}"));
+        }
+    }
+    if (part.cut.of_samples, part.cut.of_area) != (first.cut.of_samples, first.cut.of_area)
+        || of(part, PICTURE_TEXTS) != of(first, PICTURE_TEXTS)
+    {
+        return refuse(Exit::PartSetting, "the whole pictures differ".into());
+    }
+    Ok(())
+}
+
+/// What the parts are to make: the whole picture, or the box around them.
+fn extent(parts: &[PartFile], as_part: bool) -> Cut {
+    let first = parts[0].cut;
+    if !as_part {
+        return Cut { samples: first.of_samples, area: first.of_area, ..first };
+    }
+    let all = || parts.iter().map(|part| part.cut);
+    let low = |of: fn(&Cut) -> u32| all().map(|cut| of(&cut)).min().unwrap_or(0);
+    let high = |of: fn(&Cut) -> u32| all().map(|cut| of(&cut)).max().unwrap_or(0);
+    let [x, y] = [low(|cut| cut.area[0]), low(|cut| cut.area[1])];
+    let [right, bottom] = [high(|cut| cut.area[0] + cut.area[2]), high(|cut| cut.area[1] + cut.area[3])];
+    let samples = [low(|cut| cut.samples[0]), high(|cut| cut.samples[1])];
+    Cut { samples, area: [x, y, right - x, bottom - y], ..first }
+}
+
+/// Whether two ranges have something in common.
+fn meet(a: [u32; 2], b: [u32; 2]) -> bool {
+    a[0] < b[1] && b[0] < a[1]
+}
+
+fn rows(cut: &Cut) -> [u32; 2] {
+    [cut.area[1], cut.area[1] + cut.area[3]]
+}
+
+/// Checks that no samples are there twice, and none are missing.
+fn check_cover(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<(), Failure> {
+    for (index, a) in parts.iter().enumerate() {
+        for b in &parts[index + 1..] {
+            let [left, right] = [a, b].map(|part| part.path.display());
+            if a.cut == b.cut {
+                return Err(Failure::new(Exit::PartDouble, format!("{left} and {right} are the same part")));
+            }
+            if meet(a.cut.samples, b.cut.samples) && meet(rows(&a.cut), rows(&b.cut)) {
+                let [from, to] = [a.cut.samples[0].max(b.cut.samples[0]), a.cut.samples[1].min(b.cut.samples[1])];
+                let message = format!("{left} and {right} have samples {from} to {} in common", to - 1);
+                return Err(Failure::new(Exit::PartOverlap, message));
+            }
+        }
+    }
+    let missing = missing(parts, whole);
+    if missing.is_empty() || is_partial {
+        return Ok(());
+    }
+    let words = |([from, to], [top, bottom]): &([u32; 2], [u32; 2])| {
+        format!("samples {from} to {} of rows {top} to {}", to - 1, bottom - 1)
+    };
+    let some: Vec<String> = missing.iter().take(5).map(words).collect();
+    let more = if missing.len() > 5 { format!(", and {} more ranges", missing.len() - 5) } else { String::new() };
+    Err(Failure::new(Exit::PartMissing, format!("parts are missing: {}{more}", some.join(", ")))
+        .help("render them, or give --partial for the picture of the parts that are there"))
+}
+
+/// The ranges of samples and of rows that are missing.
+fn missing(parts: &[PartFile], whole: &Cut) -> Vec<([u32; 2], [u32; 2])> {
+    let mut edges: Vec<u32> = parts.iter().flat_map(|part| rows(&part.cut)).chain(rows(whole)).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let mut missing: Vec<([u32; 2], [u32; 2])> = Vec::new();
+    for band in edges.windows(2).map(|pair| [pair[0], pair[1]]) {
+        let mut at = whole.samples[0];
+        let of_band = parts.iter().filter(|part| meet(rows(&part.cut), band)).map(|part| part.cut.samples);
+        for [from, to] in of_band.chain([[whole.samples[1], whole.samples[1]]]) {
+            if from > at {
+                // Bands that lack the same samples are one.
+                match missing.iter_mut().find(|(samples, rows)| *samples == [at, from] && rows[1] == band[0]) {
+                    Some((_, rows)) => rows[1] = band[1],
+                    None => missing.push(([at, from], band)),
+                }
+            }
+            at = at.max(to);
+        }
+    }
+    missing
+}
+
+/// What the parts make.
+struct Made {
+    samples: SampleBlocks,
+    /// The colours where not all samples are there.
+    colors: Option<Vec<canaletto::math::Rgb>>,
+    features: Vec<Layer>,
+    /// The share of all samples that is there.
+    share: f64,
+}
+
+/// The layers that only denoising reads.
+const FEATURES: [Aov; 3] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal, Aov::DenoisingDepth];
+
+/// Joins the parts, in the order of their samples.
+fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failure> {
+    let [left, top, width, height] = whole.area;
+    let pixels = width as usize * height as usize;
+    let mut samples: Option<SampleBlocks> = None;
+    let mut sums = vec![[0.0f64; 4]; if is_partial { pixels } else { 0 }];
+    let mut features: Vec<Layer> = Vec::new();
+    let mut there = 0.0;
+    for part in parts {
+        let (_, decoded) = read(part.path)?;
+        let failed =
+            |message: String| Failure::new(Exit::PartUnreadable, format!("{}: {message}", part.path.display()));
+        let own = restored(decoded, part);
+        let blocks = read_samples(&own, part.cut.samples[0]).map_err(|error| failed(error.to_string()))?;
+        let [x, y, own_width, own_height] = part.cut.area;
+        let at = [x - left, y - top];
+        let places = || (0..own_height).flat_map(move |row| (0..own_width).map(move |column| [column, row]));
+        let place = |[column, row]: [u32; 2]| ((at[1] + row) * width + at[0] + column) as usize;
+        there += f64::from(own_width) * f64::from(own_height) * f64::from(part.cut.samples[1] - part.cut.samples[0]);
+        if is_partial {
+            for (pixel, to) in places().enumerate() {
+                let weight = f64::from(blocks.counts()[pixel]);
+                let color = blocks.mean(pixel).to_array().map(f64::from);
+                let sum = &mut sums[place(to)];
+                (0..3).for_each(|i| sum[i] += weight * color[i]);
+                sum[3] += weight;
+            }
+        }
+        let all =
+            samples.get_or_insert_with(|| SampleBlocks::new([width, height], whole.samples[0], blocks.keeps_halves()));
+        if !all.merge(&blocks, at) && !is_partial {
+            return Err(failed("its samples don't follow those of the parts before it".into()));
+        }
+        for aov in FEATURES {
+            let channel = |name: &&'static str| own.image.channel(&format!("{}.{name}", aov.name().replace('-', "_")));
+            let Some(channels) = aov.channels().iter().map(channel).collect::<Option<Vec<_>>>() else { continue };
+            let index = features.iter().position(|layer| layer.name == aov.name()).unwrap_or_else(|| {
+                let data = vec![0.0; pixels * channels.len()];
+                features.push(Layer::new(aov.name(), aov.channels(), data));
+                features.len() - 1
+            });
+            for (pixel, to) in places().enumerate() {
+                let to = place(to) * channels.len();
+                (0..channels.len()).for_each(|i| features[index].data[to + i] = channels[i][pixel]);
+            }
+        }
+    }
+    let all = f64::from(width) * f64::from(height) * f64::from(whole.samples[1] - whole.samples[0]);
+    let share = there / all;
+    let color = |[r, g, b, weight]: &[f64; 4]| match *weight > 0.0 {
+        true => [r, g, b].map(|v| (v / weight) as f32).into(),
+        false => canaletto::math::Rgb::BLACK,
+    };
+    let colors = (is_partial && share < 1.0).then(|| sums.iter().map(color).collect());
+    let samples = samples.ok_or_else(|| Failure::new(Exit::PartMissing, "there is no part"))?;
+    Ok(Made { samples, colors, features, share })
+}
+
+/// The file of a part with its texts.
+fn restored(mut decoded: Decoded, part: &PartFile) -> Decoded {
+    let count = part.cut.samples[1] - part.cut.samples[0];
+    decoded.metadata = vec![(SAMPLES_TEXT.to_owned(), count.to_string())];
+    decoded
+}
+
+/// The bytes of a larger part.
+fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failure> {
+    let mut picture = picture_of(&made);
+    picture.layers = made.features;
+    picture.layers.extend(made.samples.layers(&picture.pixels));
+    picture.layers.extend(made.samples.half_layers());
+    let mut texts = first.texts.clone();
+    texts.retain(|(key, _)| key != "Software");
+    texts.push((PART.to_owned(), serde_json::to_string(&cut).unwrap_or_default()));
+    texts.extend(sample_texts(&made.samples));
+    let window = Window { at: [cut.area[0] as i32, cut.area[1] as i32], whole: first.window.whole };
+    let settings = EncodeSettings { compression: Compression::Fast, window: Some(window), ..EncodeSettings::default() };
+    let rendered = Rendered { picture: &picture, developing: Developing::default() };
+    PictureFormat::Exr.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))
+}
+
+fn picture_of(made: &Made) -> Picture {
+    let [width, height] = made.samples.size();
+    let mut picture = Picture::new(width, height);
+    picture.pixels = match &made.colors {
+        Some(colors) => colors.clone(),
+        None => (0..picture.pixels.len()).map(|pixel| made.samples.mean(pixel)).collect(),
+    };
+    picture
+}
+
+/// The bytes of the picture, as one render writes it.
+fn encode_picture(
+    made: Made,
+    (texts, format): (&[(String, String)], PictureFormat),
+    first: &PartFile,
+    whole: &Cut,
+    flags: &MergeFlags,
+) -> Result<Vec<u8>, Failure> {
+    let own = texts.iter().find(|(key, _)| key == PICTURE_TEXTS).map(|(_, text)| text.as_str());
+    let mut own: Vec<(String, String)> = own.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
+    let has_layers = Format::Picture(format).has_layers();
+    if !has_layers {
+        own.retain(|(key, _)| ![SCENE_DIGEST, SCENE_FILES].contains(&key.as_str()));
+    }
+    let of = |key: &str| own.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone());
+    let mut picture = picture_of(&made);
+    if let Some(denoiser) = of("denoiser").and_then(|name| Denoiser::from_str(&name, false).ok())
+        && made.share == 1.0
+    {
+        denoise(denoiser, &mut picture, &made, flags)?;
+    }
+    let told = ToldDeveloping::of_texts(&own);
+    let developing = Developing {
+        exposure: told.exposure.unwrap_or_default(),
+        tone: told.tone.unwrap_or_default(),
+        transfer: told.transfer.unwrap_or_default(),
+    };
+    if has_layers && made.share == 1.0 {
+        own.extend(sample_texts(&made.samples));
+        picture.layers.extend(made.samples.layers(&picture.pixels));
+    }
+    let frame = texts.iter().find(|(key, _)| key == "frame").map_or_else(|| "0".to_owned(), |(_, text)| text.clone());
+    own.push(("frame".to_owned(), frame));
+    if made.share < 1.0 {
+        let percent = 100.0 * made.share;
+        own.push((UNFINISHED.to_owned(), format!("merged of {percent:.1}% of its samples")));
+        eprint_line(&format!("{percent:.1}% of the picture's samples are there"));
+    }
+    let [x, y, ..] = whole.area;
+    let window = Window { at: [x as i32, y as i32], whole: first.window.whole };
+    let settings = EncodeSettings { window: Some(window), ..EncodeSettings::default() };
+    let rendered = Rendered { picture: &picture, developing };
+    format.encode(&rendered, &settings, &own, &|| true).map_err(|e| unfit(&e))
+}
+
+/// Denoises the picture as one render does.
+fn denoise(denoiser: Denoiser, picture: &mut Picture, made: &Made, flags: &MergeFlags) -> Result<(), Failure> {
+    let start = Instant::now();
+    picture.layers.clone_from(&made.features);
+    if made.samples.keeps_halves() {
+        for (half, name) in Aov::ALL.iter().filter(|aov| aov.is_half()).map(|aov| aov.name()).enumerate() {
+            let values = |pixel: usize| made.samples.half_means(pixel).unwrap_or_default()[half].to_array();
+            let data = (0..picture.pixels.len()).flat_map(values).collect();
+            picture.layers.push(Layer::new(name, &["R", "G", "B"], data));
+        }
+    }
+    let noisy = of_rendering(picture, &[]);
+    if let Some(lacks) = lacks(&noisy).filter(|_| !flags.quiet) {
+        eprint_line(&format!("note: {lacks}"));
+    }
+    let Some(denoised) = denoiser.run(noisy)? else {
+        return Err(Failure::new(Exit::Interrupted, "interrupted; nothing is written"));
+    };
+    if !flags.quiet {
+        eprint_line(&told(&denoised, start.elapsed()));
+    }
+    picture.pixels = denoised.color;
+    Ok(())
+}

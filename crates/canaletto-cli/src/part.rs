@@ -1,0 +1,190 @@
+//! `--part K/N`: a part of a growing picture, which `canaletto merge` joins with the others to the bytes of one render.
+
+use crate::failure::Failure;
+use canaletto::render::Job;
+use canaletto::scene::Sampling;
+use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Flags about parts.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct PartFlags {
+    /// Renders part K of N of a growing picture into an EXR, for canaletto merge
+    ///
+    /// The parts may be made by any machines in any order. Denoising and tone come when they are merged, and the bytes
+    /// are those of one render.
+    #[arg(long, value_name = "K/N", value_parser = part, help_heading = "Sampling")]
+    pub part: Option<Part>,
+
+    /// Sets what the parts share among them [default: samples]
+    #[arg(long, value_name = "HOW", requires = "part", help_heading = "Sampling")]
+    pub split: Option<Split>,
+}
+
+/// A part of N, counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Part {
+    number: u32,
+    count: u32,
+}
+
+/// What the parts of a picture share among them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Split {
+    /// Each part has all pixels, and some of their samples
+    #[default]
+    Samples,
+    /// Each part has some rows of pixels, and all of their samples
+    Tiles,
+}
+
+fn part(text: &str) -> Result<Part, String> {
+    let numbers = text.split_once('/').and_then(|(k, n)| Some((k.trim().parse().ok()?, n.trim().parse().ok()?)));
+    match numbers {
+        Some((number, count)) if (1..=count).contains(&number) => Ok(Part { number, count }),
+        _ => Err("write K/N, such as 3/8 for the third of eight parts".into()),
+    }
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.count)
+    }
+}
+
+/// The samples and pixels of a part, as its file tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Cut {
+    /// The number of the first sample, and the number after the last one.
+    pub samples: [u32; 2],
+    /// x, y, width and height of the pixels in the camera's picture.
+    pub area: [u32; 4],
+    /// The same of the whole picture.
+    pub of_samples: [u32; 2],
+    pub of_area: [u32; 4],
+}
+
+/// Parts begin and end at multiples of this many rows.
+const ROWS: u32 = 8;
+/// Each part has about this many blocks of samples, so that parts are about equal.
+const BLOCKS: u32 = 8;
+
+impl PartFlags {
+    /// The part of a job.
+    pub(crate) fn cut(&self, job: &Job) -> Result<Option<Cut>, Failure> {
+        let Some(part) = self.part else { return Ok(None) };
+        let (area, first, count) = (job.window(), job.first_sample, job.film.sampling.count());
+        let whole = Cut { samples: [first, first + count], area, of_samples: [first, first + count], of_area: area };
+        let too_many = |what: &str| {
+            Failure::usage(format!("--part {part}: there are fewer parts than that: {what}")).help("make fewer parts")
+        };
+        Ok(Some(match self.split.unwrap_or_default() {
+            Split::Samples => {
+                // The largest power of two of samples of which each part gets some.
+                let block = (count / part.count.saturating_mul(BLOCKS)).max(1);
+                let block = 1 << block.ilog2();
+                let [from, to] = share(part, count.div_ceil(block)).map(|at| (at * block).min(count));
+                if from == to {
+                    return Err(too_many(&format!("the picture has {count} samples")));
+                }
+                Cut { samples: [first + from, first + to], ..whole }
+            }
+            Split::Tiles => {
+                let [x, y, width, height] = area;
+                let [from, to] = share(part, height.div_ceil(ROWS)).map(|at| (at * ROWS).min(height));
+                if from == to {
+                    return Err(too_many(&format!("the picture has {height} rows, which are cut at each eighth")));
+                }
+                Cut { area: [x, y + from, width, to - from], ..whole }
+            }
+        }))
+    }
+}
+
+/// The things of a part, of `all`: from the first to the one after the last.
+fn share(part: Part, all: u32) -> [u32; 2] {
+    [part.number - 1, part.number].map(|k| (u64::from(all) * u64::from(k) / u64::from(part.count)) as u32)
+}
+
+impl Cut {
+    /// Whether it has the first samples of its pixels.
+    pub(crate) fn is_first(&self) -> bool {
+        self.samples[0] == self.of_samples[0]
+    }
+
+    /// The job of the part.
+    pub(crate) fn of_job(&self, job: &Job) -> Job {
+        let mut own = job.clone();
+        (own.first_sample, own.end_sample) = (self.samples[0], Some(self.samples[1]));
+        own.film.crop = Some(self.area);
+        own
+    }
+}
+
+/// Checks that a job can be made in parts.
+pub(crate) fn check(job: &Job) -> Result<(), Failure> {
+    let why = [
+        (job.noise.is_some(), "--noise", "where pixels stop depends on their neighbours in all samples"),
+        (job.film.alpha, "--background", "the alpha of a picture is made of all of its samples"),
+        (!job.aovs.is_empty(), "--aov", "parts hold colours only"),
+        (job.film.sampling == Sampling::Center, "--samples 1", "a single sample has no parts"),
+    ];
+    match why.into_iter().find(|(is_given, ..)| *is_given) {
+        None => Ok(()),
+        Some((_, flag, why)) => {
+            let failure = Failure::usage(format!("--part: {flag} can't be had in parts, since {why}"));
+            Err(failure.help("leave it out, or render the picture whole"))
+        }
+    }
+}
+
+/// The keys of the texts of a part's file: the part, and the texts of the whole picture in their order.
+pub(crate) const PART: &str = "part";
+pub(crate) const PICTURE_TEXTS: &str = "picture-texts";
+
+/// The texts of a part's file, besides those by which it is compared. `texts` are those of the whole picture.
+pub(crate) fn texts_of_part(cut: &Cut, texts: &[(String, String)]) -> [(String, String); 2] {
+    // Structs of numbers and lists of texts are JSON.
+    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
+    [(PART.into(), json(serde_json::to_string(cut))), (PICTURE_TEXTS.into(), json(serde_json::to_string(texts)))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canaletto::camera::Camera;
+    use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, PathSettings};
+
+    /// The parts of any number follow each other, and are about equal.
+    #[test]
+    fn parts_are_the_whole() {
+        let intrinsics = Intrinsics { width: 30, height: 100, ..Intrinsics::default() };
+        let camera = Camera::new(&intrinsics, &Extrinsics::default()).unwrap();
+        for (samples, count) in [(64, 8), (64, 3), (1000, 7), (4096, 10_000), (5, 5), (65_536, 10_000)] {
+            let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
+            let job = Job::new(camera.clone(), film, PathSettings::DEFAULT);
+            for (split, whole) in [(Split::Samples, samples), (Split::Tiles, 100)] {
+                let mut at = 0;
+                let (mut least, mut most) = (u32::MAX, 0);
+                for number in 1..=count {
+                    let flags = PartFlags { part: Some(Part { number, count }), split: Some(split) };
+                    let Ok(Some(cut)) = flags.cut(&job) else {
+                        assert!(count > whole / 8, "{samples} {count}");
+                        continue;
+                    };
+                    let [from, to] = match split {
+                        Split::Samples => cut.samples,
+                        Split::Tiles => [cut.area[1], cut.area[1] + cut.area[3]],
+                    };
+                    assert_eq!(from, at);
+                    (at, least, most) = (to, least.min(to - from), most.max(to - from));
+                }
+                assert_eq!(at, whole, "{samples} {count}");
+                if split == Split::Samples && samples > 8 * count {
+                    assert!(f64::from(most) <= 1.3 * f64::from(least), "{samples} {count}: {least} to {most}");
+                }
+            }
+        }
+    }
+}
