@@ -6,7 +6,7 @@ use crate::failure::{Failure, print_diagnostics, reason};
 use crate::interrupt;
 use crate::output::{window, write_seekable};
 use crate::partial::UNFINISHED;
-use crate::passes::{SampleFile, sample_texts, time};
+use crate::passes::{SampleFile, TakesCheckpoints, sample_texts, time};
 use crate::progress::{Style, emit};
 use canaletto::film::{Checkpoint, Pass, Picture};
 use canaletto::render::Job;
@@ -246,48 +246,13 @@ impl<'a> CheckpointWriter<'a> {
         CheckpointWriter { place, job, texts, style, is_quiet, start: Instant::now(), spent_before, state }
     }
 
-    /// Whether a checkpoint is due. The caller that hears true makes it.
-    pub(crate) fn is_due(&self) -> bool {
-        // Threads that don't get the lock go on rendering.
-        let Ok(mut state) = self.state.try_lock() else { return false };
-        let is_due = state.due.is_some_and(|due| due <= Instant::now()) || interrupt::takes_checkpoint_request();
-        if is_due {
-            state.due = None;
-        }
-        is_due
-    }
-
-    /// Writes a checkpoint that was due. Where it can't be written, the last one stays, and the render goes on.
-    pub(crate) fn write(&self, checkpoint: &Checkpoint) {
-        let start = Instant::now();
-        let written = self.place.lock().and_then(|()| self.write_file(checkpoint));
-        let pause = self.place.every.unwrap_or_else(|| EVERY.max(start.elapsed() * LEAST_PAUSE));
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        state.due = Some(Instant::now() + pause);
-        match written {
-            Ok(()) => {
-                state.is_written = true;
-                if self.style == Style::Json {
-                    let samples = checkpoint.samples.counts().iter().min();
-                    emit(&json!({ "event": "checkpoint", "file": self.place.path, "samples": samples }));
-                }
-            }
-            Err(Failure::Message { message, .. }) if !self.is_quiet => {
-                let kept = if state.is_written { "the last one is kept, and " } else { "" };
-                let warning = Diagnostic::warning("--checkpoint", message).help(format!("{kept}the render goes on"));
-                print_diagnostics(&warning.into(), self.style == Style::Json);
-            }
-            Err(_) => {}
-        }
-    }
-
     /// Writes the last checkpoint of a render that ends early. Returns its file, if checkpoints were asked for or had
     /// begun.
     pub(crate) fn write_last(&self, checkpoint: &Checkpoint) -> Option<&Path> {
         let is_wanted = self.place.is_asked_for || self.state.lock().unwrap_or_else(PoisonError::into_inner).is_written;
         if is_wanted {
             interrupt::Rendering::saves();
-            self.write(checkpoint);
+            self.take(checkpoint);
         }
         self.state.lock().unwrap_or_else(PoisonError::into_inner).is_written.then_some(&self.place.path)
     }
@@ -324,5 +289,41 @@ impl<'a> CheckpointWriter<'a> {
         write_seekable(&self.place.path, options, |out| {
             PictureFormat::Exr.write_rows(&rendered, &settings, &texts, out, &|| true)
         })
+    }
+}
+
+impl TakesCheckpoints for CheckpointWriter<'_> {
+    fn is_due(&self) -> bool {
+        // Threads that don't get the lock go on rendering.
+        let Ok(mut state) = self.state.try_lock() else { return false };
+        let is_due = state.due.is_some_and(|due| due <= Instant::now()) || interrupt::takes_checkpoint_request();
+        if is_due {
+            state.due = None;
+        }
+        is_due
+    }
+
+    /// Writes a checkpoint. Where it can't be written, the last one stays, and the render goes on.
+    fn take(&self, checkpoint: &Checkpoint) {
+        let start = Instant::now();
+        let written = self.place.lock().and_then(|()| self.write_file(checkpoint));
+        let pause = self.place.every.unwrap_or_else(|| EVERY.max(start.elapsed() * LEAST_PAUSE));
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.due = Some(Instant::now() + pause);
+        match written {
+            Ok(()) => {
+                state.is_written = true;
+                if self.style == Style::Json {
+                    let samples = checkpoint.samples.counts().iter().min();
+                    emit(&json!({ "event": "checkpoint", "file": self.place.path, "samples": samples }));
+                }
+            }
+            Err(Failure::Message { message, .. }) if !self.is_quiet => {
+                let kept = if state.is_written { "the last one is kept, and " } else { "" };
+                let warning = Diagnostic::warning("--checkpoint", message).help(format!("{kept}the render goes on"));
+                print_diagnostics(&warning.into(), self.style == Style::Json);
+            }
+            Err(_) => {}
+        }
     }
 }

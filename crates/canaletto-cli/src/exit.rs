@@ -1,7 +1,11 @@
 //! The exit codes of all subcommands.
 
-use crate::interrupt;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
+
+/// Whether a termination signal has arrived.
+pub(crate) static TERMINATED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// The result of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +71,7 @@ impl Exit {
     /// The code for the shell. A termination signal has its own.
     pub(crate) fn code(self) -> u8 {
         match self {
-            Exit::Interrupted if interrupt::is_terminated() => Exit::Terminated as u8,
+            Exit::Interrupted if TERMINATED.load(Ordering::Relaxed) => Exit::Terminated as u8,
             _ => self as u8,
         }
     }

@@ -2,7 +2,7 @@
 //! render, or if that takes too long, the first signal ends the program. The second signal ends it at once. No file is
 //! left half written: a file gets its name when it is complete.
 
-use crate::exit::Exit;
+use crate::exit::{Exit, TERMINATED};
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -24,8 +24,6 @@ static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// Whether a file that the render reads has changed, so that its picture isn't wanted any more.
 static OUTDATED: AtomicBool = AtomicBool::new(false);
 
-/// Whether a termination signal has arrived.
-static TERMINATED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// Whether a checkpoint was asked for by SIGUSR1, as schedulers send it before they end a job.
 static CHECKPOINT: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
@@ -74,11 +72,6 @@ pub(crate) fn install(json: bool) {
     for (signal, flag) in [(SIGTERM, &TERMINATED), (SIGUSR1, &CHECKPOINT)] {
         let _ = signal_hook::flag::register(signal, Arc::clone(flag));
     }
-}
-
-/// Whether a termination signal has arrived.
-pub(crate) fn is_terminated() -> bool {
-    TERMINATED.load(Ordering::Relaxed)
 }
 
 /// Whether a checkpoint was asked for since the last call.

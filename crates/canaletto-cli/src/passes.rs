@@ -1,7 +1,6 @@
 //! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
 //! that are gone on with.
 
-use crate::checkpoint::CheckpointWriter;
 use crate::digest::{Digest, UsedFile, changed_file, text_of_files};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
@@ -374,6 +373,15 @@ pub(crate) fn noise_left(
     Some((lines, outlook.json()))
 }
 
+/// What takes the checkpoints of a render.
+pub(crate) trait TakesCheckpoints: Sync {
+    /// Whether one is due. The caller that hears true makes it.
+    fn is_due(&self) -> bool;
+
+    /// Takes a checkpoint that was due.
+    fn take(&self, checkpoint: &Checkpoint);
+}
+
 /// The observer of a render that may be made in passes.
 pub(crate) struct PassObserver<'a> {
     display: &'a ProgressDisplay,
@@ -384,7 +392,7 @@ pub(crate) struct PassObserver<'a> {
     preview: Option<PreviewFile<'a>>,
     is_quiet: bool,
     outlook: OutlookTime<'a>,
-    checkpoints: Option<&'a CheckpointWriter<'a>>,
+    checkpoints: Option<&'a dyn TakesCheckpoints>,
     state: Mutex<PassTimes>,
 }
 
@@ -463,7 +471,7 @@ impl<'a> PassObserver<'a> {
     }
 
     /// Makes checkpoints.
-    pub(crate) fn with_checkpoints(self, checkpoints: Option<&'a CheckpointWriter<'a>>) -> PassObserver<'a> {
+    pub(crate) fn with_checkpoints(self, checkpoints: Option<&'a dyn TakesCheckpoints>) -> PassObserver<'a> {
         PassObserver { checkpoints, ..self }
     }
 
@@ -521,12 +529,12 @@ impl Observer for PassObserver<'_> {
     }
 
     fn wants_checkpoint(&self) -> bool {
-        self.checkpoints.is_some_and(CheckpointWriter::is_due)
+        self.checkpoints.is_some_and(TakesCheckpoints::is_due)
     }
 
     fn checkpoint(&self, checkpoint: &Checkpoint) {
         if let Some(checkpoints) = self.checkpoints {
-            checkpoints.write(checkpoint);
+            checkpoints.take(checkpoint);
         }
     }
 

@@ -387,7 +387,7 @@ impl<'a> Series<'a> {
             CheckpointWriter::new(place, &job, texts_of_samples.clone(), (plan.style, flags.quiet), found.as_ref())
         });
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook)
-            .with_checkpoints(checkpoints.as_ref());
+            .with_checkpoints(checkpoints.as_ref().map(|writer| writer as _));
         let rendered = self.rendering(frame_context, world, (&rendered_job, start), &observer);
         let render = watch.finish().as_secs_f64();
         let (mut rendering, solution) = rendered?;
