@@ -26,8 +26,9 @@ pub(crate) struct CheckpointFlags {
     /// Keeps what a growing picture needs to be gone on with in this file, or in none [default: NAME.checkpoint.exr
     /// beside the picture, after a minute]
     ///
-    /// The same command takes the picture up after any end, also by a loss of power, and the bytes are those of a render
-    /// that wasn't ended. A finished picture removes the file. A checkpoint of another picture is never overwritten.
+    /// The same command takes the picture up after any end, also by a loss of power, and the bytes are those of a
+    /// render that wasn't ended. A finished picture removes the file. A checkpoint of another picture is never
+    /// overwritten.
     #[arg(long, value_name = "FILE|off", help_heading = "Sampling")]
     pub checkpoint: Option<PathBuf>,
 
@@ -123,8 +124,8 @@ fn beside(picture: &Path, n: u32) -> PathBuf {
 }
 
 impl CheckpointPlace {
-    /// The checkpoint of this picture in the file; none if there is no file. A file of another picture is an error where
-    /// it was asked for. Otherwise there is a warning, and another name is taken.
+    /// The checkpoint of this picture in the file; none if there is no file. A file of another picture is an error
+    /// where it was asked for. Otherwise there is a warning, and another name is taken.
     pub(crate) fn open(
         &mut self,
         (job, texts): (&Job, &[(String, String)]),

@@ -2,7 +2,9 @@
 //! render, or if that takes too long, the first signal ends the program. The second signal ends it at once. No file is
 //! left half written: a file gets its name when it is complete.
 
-use crate::exit::{Exit, TERMINATED};
+use crate::exit::Exit;
+#[cfg(unix)]
+use crate::exit::TERMINATED;
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};

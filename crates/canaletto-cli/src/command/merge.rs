@@ -27,8 +27,8 @@ use std::time::Instant;
 
 /// Joins the parts of a picture that `render --part` made.
 ///
-/// The order of the parts doesn't matter, and the bytes are those of one render of the whole picture. Denoising and tone
-/// are those that the parts were rendered with. Parts may be joined to larger parts first.
+/// The order of the parts doesn't matter, and the bytes are those of one render of the whole picture. Denoising and
+/// tone are those that the parts were rendered with. Parts may be joined to larger parts first.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct MergeFlags {

@@ -70,8 +70,8 @@ impl NoiseEstimate {
         self.squares[pixel] = square(a.r, b.r) + square(a.g, b.g) + square(a.b, b.b);
     }
 
-    /// Takes up a decision about the cells. Returns the number of pixels that need more samples, or none if the decision
-    /// is one about another number of cells.
+    /// Takes up a decision about the cells. Returns the number of pixels that need more samples, or none if the
+    /// decision is one about another number of cells.
     pub(super) fn resume(&mut self, needed: &[bool]) -> Option<u64> {
         if needed.len() != self.needed.len() {
             return None;
