@@ -84,6 +84,8 @@ struct PartFile<'f> {
     window: Window,
 }
 
+/// The key of the text of the scene's name.
+const SCENE: &str = "scene";
 /// The texts that differ from part to part.
 const OWN: [&str; 3] = [PART, SAMPLES_TEXT, UNFINISHED];
 
@@ -172,8 +174,9 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
         });
         return refuse(Exit::PartScene, what);
     }
-    // What the others follow from comes first.
-    let keys = first.texts.iter().chain(&part.texts).map(|(key, _)| key.as_str()).filter(|key| *key != PICTURE_TEXTS);
+    // The scene counts by its contents. What the others follow from comes first.
+    let is_compared = |key: &&str| ![PICTURE_TEXTS, SCENE, SCENE_FILES].contains(key);
+    let keys = first.texts.iter().chain(&part.texts).map(|(key, _)| key.as_str()).filter(is_compared);
     for key in ["integrator", "size", "camera", "seed"].into_iter().chain(keys) {
         let [a, b] = [part, first].map(|part| of(part, key).unwrap_or_else(|| "none".to_owned()));
         if a != b {
@@ -181,11 +184,19 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
         }
     }
     if (part.cut.of_samples, part.cut.of_area) != (first.cut.of_samples, first.cut.of_area)
-        || of(part, PICTURE_TEXTS) != of(first, PICTURE_TEXTS)
+        || picture_texts(part) != picture_texts(first)
     {
         return refuse(Exit::PartSetting, "the whole pictures differ".into());
     }
     Ok(())
+}
+
+/// The texts of the whole picture, without the scene's names.
+fn picture_texts(part: &PartFile) -> Vec<(String, String)> {
+    let text = part.texts.iter().find(|(key, _)| key == PICTURE_TEXTS).map(|(_, text)| text.as_str());
+    let mut texts: Vec<(String, String)> = text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
+    texts.retain(|(key, _)| ![SCENE, SCENE_FILES].contains(&key.as_str()));
+    texts
 }
 
 /// What the parts are to make: the whole picture, or the box around them.
