@@ -53,6 +53,8 @@ fn text(path: &Path, format: PictureFormat, decoded: &Decoded, recipe: Option<&R
     }
     let mut label = "settings";
     for (key, text) in &decoded.metadata {
+        // Further lines of a text stand below its first.
+        let text = text.replace('\n', &format!("\n{:28}", ""));
         rows.push((std::mem::take(&mut label), format!("{key:<16}{text}")));
     }
     if decoded.metadata.is_empty() {
