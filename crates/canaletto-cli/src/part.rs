@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use canaletto::render::Job;
 use canaletto::scene::Sampling;
+use canaletto_io::picture::MAX_PIXELS;
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -108,6 +109,22 @@ fn share(part: Part, all: u32) -> [u32; 2] {
 }
 
 impl Cut {
+    /// Whether the part lies in a picture that can be.
+    pub(crate) fn is_sound(&self) -> bool {
+        let within = |from: u32, size: u32, [start, whole]: [u32; 2]| {
+            size > 0 && from >= start && u64::from(from) + u64::from(size) <= u64::from(start) + u64::from(whole)
+        };
+        let ([x, y, width, height], [left, top, all_width, all_height]) = (self.area, self.of_area);
+        let ([first, end], [start, stop]) = (self.samples, self.of_samples);
+        let is_possible = u64::from(all_width) * u64::from(all_height) <= MAX_PIXELS && stop <= Sampling::MAX_SAMPLES;
+        is_possible
+            && within(x, width, [left, all_width])
+            && within(y, height, [top, all_height])
+            && start <= first
+            && first < end
+            && end <= stop
+    }
+
     /// Whether it has the first samples of its pixels.
     pub(crate) fn is_first(&self) -> bool {
         self.samples[0] == self.of_samples[0]

@@ -18,7 +18,8 @@ use canaletto::film::{Layer, Picture, SampleBlocks};
 use canaletto::render::Aov;
 use canaletto::scene::Developing;
 use canaletto_io::picture::{
-    Compression, Decoded, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, Window, decode, read_samples,
+    Compression, Decoded, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, Window, decode, exr_texts,
+    read_samples,
 };
 use clap::{Args, ValueEnum};
 use std::fs;
@@ -81,7 +82,6 @@ struct PartFile<'f> {
     cut: Cut,
     /// The texts by which parts are compared.
     texts: Vec<(String, String)>,
-    window: Window,
 }
 
 /// The key of the text of the scene's name.
@@ -101,7 +101,7 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
     flags.folder.make_folders(&files)?;
     check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
     // No two parts are in memory at once.
-    let mut parts = flags.parts.iter().map(|path| Ok(read(path)?.0)).collect::<Result<Vec<_>, Failure>>()?;
+    let mut parts = flags.parts.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
     parts.iter().skip(1).try_for_each(|part| compare(&parts[0], part))?;
     parts.sort_by_key(|part| (part.cut.samples[0], part.cut.area[1]));
     let whole = extent(&parts, flags.as_part);
@@ -128,32 +128,54 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Reads a part.
-fn read(path: &Path) -> Result<(PartFile<'_>, Decoded), Failure> {
-    let failed = |exit: Exit, message: &str| Failure::new(exit, format!("{}: {message}", path.display()));
-    let bytes = fs::read(path).map_err(|error| failed(Exit::PartUnreadable, &reason(&error)))?;
-    let mut decoded = decode(&bytes).map_err(|error| failed(Exit::PartUnreadable, &error.to_string()))?;
-    let cut = decoded.metadata.iter().find(|(key, _)| key == PART);
-    let Some(cut) = cut.and_then(|(_, text)| serde_json::from_str::<Cut>(text).ok()) else {
-        let failure = failed(Exit::PartUnreadable, "it is no part of a picture that canaletto render --part made");
-        return Err(failure);
+impl PartFile<'_> {
+    /// The width and height of the camera's picture.
+    fn whole_size(&self) -> [u32; 2] {
+        let size = self.texts.iter().find(|(key, _)| key == "size").and_then(|(_, text)| text.split_once(' '));
+        let size = size.and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+        let [x, y, width, height] = self.cut.of_area;
+        size.unwrap_or([x.saturating_add(width), y.saturating_add(height)])
+    }
+}
+
+/// An error of a part's file.
+fn failed(path: &Path, exit: Exit, message: &str) -> Failure {
+    Failure::new(exit, format!("{}: {message}", path.display()))
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, Failure> {
+    fs::read(path).map_err(|error| failed(path, Exit::PartUnreadable, &reason(&error)))
+}
+
+/// Reads a part without its pixels.
+fn read(path: &Path) -> Result<PartFile<'_>, Failure> {
+    let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
+    let texts = exr_texts(&bytes_of(path)?).map_err(|error| unreadable(&error.to_string()))?;
+    let cut = texts.iter().find(|(key, _)| key == PART);
+    let Some(cut) = cut.and_then(|(_, text)| serde_json::from_str::<Cut>(text).ok()).filter(Cut::is_sound) else {
+        return Err(unreadable("it is no part of a picture that canaletto render --part made"));
     };
+    if texts.iter().any(|(key, _)| key == UNFINISHED) {
+        return Err(unreadable("it was interrupted, and isn't whole").help("the command that made it goes on with it"));
+    }
+    let texts = texts.into_iter().filter(|(key, _)| !OWN.contains(&key.as_str())).collect();
+    Ok(PartFile { path, cut, texts })
+}
+
+/// Reads a part's pixels.
+fn read_pixels(PartFile { path, cut, .. }: &PartFile) -> Result<Decoded, Failure> {
+    let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
+    let mut decoded = decode(&bytes_of(path)?).map_err(|error| unreadable(&error.to_string()))?;
     if decoded.is_changed {
-        return Err(failed(Exit::PartChanged, "its pixels aren't those that were written")
+        return Err(failed(path, Exit::PartChanged, "its pixels aren't those that were written")
             .help("copy it again, or render this part again"));
     }
-    if decoded.metadata.iter().any(|(key, _)| key == UNFINISHED) {
-        let failure = failed(Exit::PartUnreadable, "it was interrupted, and isn't whole");
-        return Err(failure.help("the command that made it goes on with it"));
+    if [decoded.image.width, decoded.image.height] != cut.area[2..] {
+        return Err(unreadable("its size isn't the one that its text says"));
     }
-    let (width, height) = (decoded.image.width, decoded.image.height);
-    let is_sound = cut.samples[0] < cut.samples[1] && [width, height] == [cut.area[2], cut.area[3]];
-    if !is_sound {
-        return Err(failed(Exit::PartUnreadable, "its size isn't the one that its text says"));
-    }
-    let texts = std::mem::take(&mut decoded.metadata);
-    let texts = texts.into_iter().filter(|(key, _)| !OWN.contains(&key.as_str())).collect();
-    Ok((PartFile { path, cut, texts, window: decoded.window }, decoded))
+    let count = cut.samples[1] - cut.samples[0];
+    decoded.metadata = vec![(SAMPLES_TEXT.to_owned(), count.to_string())];
+    Ok(decoded)
 }
 
 /// Checks that two parts are of one picture.
@@ -296,10 +318,9 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
     let mut features: Vec<Layer> = Vec::new();
     let mut there = 0.0;
     for part in parts {
-        let (_, decoded) = read(part.path)?;
+        let own = read_pixels(part)?;
         let failed =
             |message: String| Failure::new(Exit::PartUnreadable, format!("{}: {message}", part.path.display()));
-        let own = restored(decoded, part);
         let blocks = read_samples(&own, part.cut.samples[0]).map_err(|error| failed(error.to_string()))?;
         let [x, y, own_width, own_height] = part.cut.area;
         let at = [x - left, y - top];
@@ -345,13 +366,6 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
     Ok(Made { samples, colors, features, share })
 }
 
-/// The file of a part with its texts.
-fn restored(mut decoded: Decoded, part: &PartFile) -> Decoded {
-    let count = part.cut.samples[1] - part.cut.samples[0];
-    decoded.metadata = vec![(SAMPLES_TEXT.to_owned(), count.to_string())];
-    decoded
-}
-
 /// The bytes of a larger part.
 fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failure> {
     let mut picture = picture_of(&made);
@@ -362,7 +376,7 @@ fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failur
     texts.retain(|(key, _)| key != "Software");
     texts.push((PART.to_owned(), serde_json::to_string(&cut).unwrap_or_default()));
     texts.extend(sample_texts(&made.samples));
-    let window = Window { at: [cut.area[0] as i32, cut.area[1] as i32], whole: first.window.whole };
+    let window = Window { at: [cut.area[0] as i32, cut.area[1] as i32], whole: first.whole_size() };
     let settings = EncodeSettings { compression: Compression::Fast, window: Some(window), ..EncodeSettings::default() };
     let rendered = Rendered { picture: &picture, developing: Developing::default() };
     PictureFormat::Exr.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))
@@ -417,7 +431,7 @@ fn encode_picture(
         eprint_line(&format!("{percent:.1}% of the picture's samples are there"));
     }
     let [x, y, ..] = whole.area;
-    let window = Window { at: [x as i32, y as i32], whole: first.window.whole };
+    let window = Window { at: [x as i32, y as i32], whole: first.whole_size() };
     let settings = EncodeSettings { window: Some(window), ..EncodeSettings::default() };
     let rendered = Rendered { picture: &picture, developing };
     format.encode(&rendered, &settings, &own, &|| true).map_err(|e| unfit(&e))

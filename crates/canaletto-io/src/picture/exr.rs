@@ -290,12 +290,7 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
             left_out.push(part);
             continue;
         }
-        for (key, value) in &attributes.other {
-            if let ex::AttributeValue::Text(text) = value {
-                metadata.push((from_utf8(key), from_utf8(text)));
-            }
-        }
-        metadata.extend(attributes.software_name.as_ref().map(|name| ("Software".to_owned(), from_utf8(name))));
+        metadata.extend(texts_of(header));
         let list = &header.channels.list;
         let first = image.channels.len();
         for channel in list {
@@ -344,6 +339,31 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
         is_changed,
         display_referred: false,
     })
+}
+
+/// The texts of a part, in no order.
+fn texts_of(header: &Header) -> Vec<(String, String)> {
+    let attributes = &header.own_attributes;
+    let mut texts = Vec::new();
+    for (key, value) in &attributes.other {
+        if let ex::AttributeValue::Text(text) = value {
+            texts.push((from_utf8(key), from_utf8(text)));
+        }
+    }
+    texts.extend(attributes.software_name.as_ref().map(|name| ("Software".to_owned(), from_utf8(name))));
+    texts
+}
+
+/// The texts of an EXR of one part, sorted, without a look at its pixels.
+///
+/// # Errors
+/// [`PictureError`] if the file's head can't be read.
+pub fn exr_texts(bytes: &[u8]) -> Result<Vec<(String, String)>, PictureError> {
+    let file = File::open(bytes)?;
+    let mut texts: Vec<(String, String)> = file.parts().iter().take(1).flat_map(texts_of).collect();
+    texts.sort();
+    texts.retain(|(key, _)| key != PIXEL_HASH);
+    Ok(texts)
 }
 
 /// The hash of an image whose channels have these types, and these values at a pixel.
