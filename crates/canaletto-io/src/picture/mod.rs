@@ -32,6 +32,7 @@ mod xmp;
 pub(crate) use self::png::png_texts;
 pub use channels::{channel_names, layer_channel_names};
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
+#[cfg(feature = "exr")]
 pub use exr::exr_texts;
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use format::{
