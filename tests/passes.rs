@@ -112,7 +112,7 @@ impl Observer for Killed {
     }
 }
 
-/// A picture that is killed again and again, and taken up from its last checkpoint each time, has the bytes of one that
+/// A picture is killed again and again, and taken up from its last checkpoint each time. It has the bytes of one that
 /// wasn't: by paths and by classic rays, with an end by noise and without one.
 #[test]
 fn a_picture_killed_at_any_moment_goes_on_to_the_same_bytes() {

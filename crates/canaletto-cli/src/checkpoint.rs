@@ -6,12 +6,13 @@ use crate::failure::{Failure, print_diagnostics, reason};
 use crate::interrupt;
 use crate::output::{window, write_seekable};
 use crate::partial::UNFINISHED;
-use crate::passes::{SampleFile, TakesCheckpoints, sample_texts, time};
+use crate::passes::{TakesCheckpoints, time};
 use crate::progress::{Style, emit};
-use canaletto::film::{Checkpoint, Pass, Picture};
+use crate::sample_file::{SampleFile, sample_texts};
+use canaletto::film::{Checkpoint, Pass};
 use canaletto::render::Job;
 use canaletto_io::diagnostic::Diagnostic;
-use canaletto_io::picture::{Compression, Decoded, EncodeSettings, PictureFormat, Rendered, WriteOptions};
+use canaletto_io::picture::{Compression, EncodeSettings, PictureFormat, Rendered, WriteOptions};
 use clap::Args;
 use serde_json::json;
 use std::ffi::OsString;
@@ -141,15 +142,15 @@ impl CheckpointPlace {
                 return Ok(None);
             }
             let found = SampleFile::open("checkpoint", &self.path).and_then(|file| {
-                // A frame before this one was finished, and its checkpoint is obsolete.
-                let frame = file.text("frame").and_then(|frame| frame.parse().ok()).unwrap_or(job.frame);
+                let of_file = file.text("frame").and_then(|frame| frame.parse().ok());
+                let frame = of_file.filter(|_| self.is_asked_for).unwrap_or(job.frame);
                 file.belongs_to(&Job { frame, ..job.clone() }, texts)?;
-                if frame != job.frame && self.is_asked_for {
+                // A frame before this one was finished, and its checkpoint is obsolete.
+                if frame != job.frame {
                     return Ok(None);
                 }
-                file.belongs_to(job, texts)?;
                 let samples = file.samples(job)?;
-                let pass = pass_of(&file.decoded).filter(|_| file.text("noise") == job.noise.map(|v| v.to_string()));
+                let pass = pass_of(&file).filter(|_| file.text("noise") == job.noise.map(|v| v.to_string()));
                 let spent = file.text(SECONDS).and_then(|spent| spent.parse().ok());
                 let spent = spent.and_then(|spent| Duration::try_from_secs_f64(spent).ok()).unwrap_or_default();
                 Ok(Some(Found { checkpoint: Checkpoint { samples, pass }, spent }))
@@ -187,11 +188,10 @@ impl CheckpointPlace {
     }
 }
 
-fn pass_of(decoded: &Decoded) -> Option<Pass> {
-    let text = |key: &str| decoded.metadata.iter().find(|(own, _)| own == key).map(|(_, text)| text.as_str());
-    let (begin, end) = text(PASS)?.split_once(' ')?;
+fn pass_of(file: &SampleFile) -> Option<Pass> {
+    let (counts, cells) = (file.text(PASS)?, file.text(CELLS)?);
+    let ((begin, end), (count, bits)) = (counts.split_once(' ')?, cells.split_once(' ')?);
     let digit = |c: char| c.to_digit(16).map(|bits| [8, 4, 2, 1].map(|bit| bits & bit != 0));
-    let (count, bits) = text(CELLS)?.split_once(' ')?;
     let mut needed = bits.chars().map(digit).collect::<Option<Vec<_>>>()?.concat();
     needed.truncate(count.parse().ok()?);
     Some(Pass { begin: begin.parse().ok()?, end: end.parse().ok()?, needed })
@@ -224,7 +224,7 @@ pub(crate) struct CheckpointWriter<'a> {
 }
 
 struct WriterState {
-    /// When the next checkpoint is due; none while one is made, or after one couldn't be written.
+    /// When the next checkpoint is due; none while one is made.
     due: Option<Instant>,
     /// Whether the file holds a checkpoint of this picture.
     is_written: bool,
@@ -266,9 +266,7 @@ impl<'a> CheckpointWriter<'a> {
     }
 
     fn write_file(&self, checkpoint: &Checkpoint) -> Result<(), Failure> {
-        let [_, _, width, height] = self.job.window();
-        let mut picture = Picture::new(width, height);
-        picture.pixels = (0..picture.pixels.len()).map(|pixel| checkpoint.samples.mean(pixel)).collect();
+        let mut picture = checkpoint.samples.picture();
         picture.layers = checkpoint.samples.layers(&picture.pixels);
         picture.layers.extend(checkpoint.samples.half_layers());
         let mut texts = self.texts.clone();
@@ -297,7 +295,8 @@ impl TakesCheckpoints for CheckpointWriter<'_> {
     fn is_due(&self) -> bool {
         // Threads that don't get the lock go on rendering.
         let Ok(mut state) = self.state.try_lock() else { return false };
-        let is_due = state.due.is_some_and(|due| due <= Instant::now()) || interrupt::takes_checkpoint_request();
+        // A request during a checkpoint is answered by the next one.
+        let is_due = state.due.is_some_and(|due| due <= Instant::now() || interrupt::takes_checkpoint_request());
         if is_due {
             state.due = None;
         }

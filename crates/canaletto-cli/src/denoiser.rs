@@ -134,13 +134,15 @@ fn by_oidn(picture: &NoisyPicture) -> Result<DenoisedPicture, Failure> {
 }
 
 /// The names of the layers of the two halves of the samples.
-const HALVES: [&str; 2] = ["half-a", "half-b"];
+pub(crate) const HALVES: [&str; 2] = ["half-a", "half-b"];
+
+/// The layers that tell of surfaces.
+pub(crate) const FEATURES: [Aov; 3] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal, Aov::DenoisingDepth];
 
 /// The layers that denoisers read besides the colours, as far as this integrator makes them.
 fn layers(job: &Job) -> impl Iterator<Item = Aov> {
     let halves = HALVES.iter().filter_map(|name| Aov::from_name(name));
-    let features = [Aov::DenoisingAlbedo, Aov::DenoisingNormal, Aov::DenoisingDepth];
-    halves.chain(features).filter(|aov| job.description().makes(*aov, job.progressive))
+    halves.chain(FEATURES).filter(|aov| job.description().makes(*aov, job.progressive))
 }
 
 /// The job with the layers that denoisers read.

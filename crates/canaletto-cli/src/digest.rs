@@ -107,8 +107,19 @@ pub(crate) fn text_of_files(files: &[UsedFile]) -> String {
     lines.join("\n")
 }
 
-/// What tells the files of one text of [`text_of_files`] from those of another, earlier one; none if they are equal.
-pub(crate) fn changed_file(now: &str, then: &str) -> Option<String> {
+/// How the files of a scene differ from those that it had.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum FileChange {
+    /// The file of this name has other contents.
+    Edited(String),
+    /// The scene names a file that it didn't.
+    Added(String),
+    /// The scene no longer names a file.
+    Removed(String),
+}
+
+/// The first change of the files of one text of [`text_of_files`] to those of a later one; none if they are equal.
+pub(crate) fn changed_file(now: &str, then: &str) -> Option<FileChange> {
     let lines = |text: &str| -> Vec<(String, String)> {
         let line = |line: &str| line.split_once(' ').map(|(hash, name)| (hash.to_owned(), name.to_owned()));
         text.lines().filter_map(line).collect()
@@ -117,20 +128,18 @@ pub(crate) fn changed_file(now: &str, then: &str) -> Option<String> {
     if let (Some((hash, name)), Some((before, _))) = (now.first(), then.first())
         && hash != before
     {
-        return Some(format!("{name} has changed since it was rendered"));
+        return Some(FileChange::Edited(name.clone()));
     }
     let of = |files: &[(String, String)], name: &str| {
         files.iter().skip(1).find(|(_, other)| other == name).map(|(hash, _)| hash.clone())
     };
-    for (hash, name) in now.iter().skip(1) {
-        match of(&then, name) {
-            Some(before) if before == *hash => {}
-            Some(_) => return Some(format!("{name} has changed since it was rendered")),
-            None => return Some(format!("the scene names {name}, which it didn't when it was rendered")),
-        }
-    }
-    let (_, missed) = then.iter().skip(1).find(|(_, name)| of(&now, name).is_none())?;
-    Some(format!("the scene named {missed} when it was rendered"))
+    let changed = now.iter().skip(1).find_map(|(hash, name)| match of(&then, name) {
+        Some(before) if before == *hash => None,
+        Some(_) => Some(FileChange::Edited(name.clone())),
+        None => Some(FileChange::Added(name.clone())),
+    });
+    let removed = || then.iter().skip(1).find(|(_, name)| of(&now, name).is_none());
+    changed.or_else(|| removed().map(|(_, name)| FileChange::Removed(name.clone())))
 }
 
 #[cfg(test)]
@@ -164,11 +173,12 @@ mod tests {
         let then = text(&[("s.kdl", 1), ("b c.png", 2), ("a.obj", 3)]);
         let changed = |now: &[(&str, u128)]| changed_file(&text(now), &then);
         assert_eq!(changed(&[("other.kdl", 1), ("a.obj", 3), ("b c.png", 2)]), None);
-        let said = |now: &[(&str, u128)]| changed(now).unwrap();
-        assert!(said(&[("s.kdl", 9), ("b c.png", 2), ("a.obj", 3)]).starts_with("s.kdl has changed"));
-        assert!(said(&[("s.kdl", 1), ("b c.png", 9), ("a.obj", 3)]).starts_with("b c.png has changed"));
-        assert!(said(&[("s.kdl", 1), ("b c.png", 2), ("a.obj", 3), ("d", 4)]).starts_with("the scene names d, which"));
-        assert!(said(&[("s.kdl", 1), ("b c.png", 2)]).starts_with("the scene named a.obj when"));
+        let edited = |name: &str| Some(FileChange::Edited(name.to_owned()));
+        assert_eq!(changed(&[("s.kdl", 9), ("b c.png", 2), ("a.obj", 3)]), edited("s.kdl"));
+        assert_eq!(changed(&[("s.kdl", 1), ("b c.png", 9), ("a.obj", 3)]), edited("b c.png"));
+        let more = [("s.kdl", 1), ("b c.png", 2), ("a.obj", 3), ("d", 4)];
+        assert_eq!(changed(&more), Some(FileChange::Added("d".to_owned())));
+        assert_eq!(changed(&more[..2]), Some(FileChange::Removed("a.obj".to_owned())));
     }
 
     #[test]

@@ -41,6 +41,7 @@ mod preview;
 mod progress;
 mod report;
 mod resample;
+mod sample_file;
 mod sampling_progress;
 mod settings;
 mod solutions;

@@ -78,6 +78,19 @@ impl OutputFlags {
         self.format.or_else(by_name).is_some_and(|format| format.film().is_some())
     }
 
+    /// The flags for another picture's file, without those about the format of this one.
+    pub(crate) fn for_file(&self, file: &Path) -> OutputFlags {
+        OutputFlags {
+            output: Some(file.to_owned()),
+            format: None,
+            bits: None,
+            compression: None,
+            jpeg_quality: None,
+            uint_ids: false,
+            ..self.clone()
+        }
+    }
+
     /// The name of the picture of a scene. `stem` is the scene's name; `numbered` says whether the user gave --frames.
     pub(crate) fn default_name(&self, stem: &str, numbered: bool) -> PathBuf {
         let format = self.format.unwrap_or_default();
@@ -318,6 +331,15 @@ impl Output {
     pub(crate) fn has_place_beside(&self, path: &Path) -> bool {
         !self.is_stdout() && path.metadata().map_or(true, |old| old.is_file())
     }
+}
+
+/// The format of a picture's file, by its extension. `flag` is what names the file.
+pub(crate) fn picture_format(flag: &str, file: &Path) -> Result<PictureFormat, Failure> {
+    let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase());
+    extension.as_deref().and_then(Format::of_extension).and_then(Format::picture).ok_or_else(|| {
+        let extensions = Format::picture_extensions();
+        Failure::usage(format!("{flag} {}: end the name in {extensions}", file.display()))
+    })
 }
 
 /// Detects before other work what would make writing these files fail after it. `pattern` tells their folder.

@@ -1,28 +1,20 @@
-//! Pictures that grow by passes of samples: how long they do, what is seen of them meanwhile, and pictures in files
-//! that are gone on with.
+//! Pictures that grow by passes of samples: how long they do, and what is seen of them meanwhile.
 
-use crate::digest::{Digest, UsedFile, changed_file, text_of_files};
-use crate::exit::Exit;
-use crate::failure::{Failure, reason};
+use crate::failure::Failure;
 use crate::format::{count, duration, plural};
 use crate::interrupt;
 use crate::noise_outlook::Outlook;
-use crate::part::PART;
-use crate::partial::UNFINISHED;
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{PassState, ProgressDisplay, Style, emit};
-use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE, not_progressive};
-use canaletto::Named;
+use crate::settings::not_progressive;
 use canaletto::film::{Checkpoint, SampleBlocks, SampleStatistics};
-use canaletto::render::{Aov, Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
+use canaletto::render::{Job, Observer, PassProgress, Progress, Rendering, SolvingProgress};
 use canaletto::scene::{SamplerKind, Sampling};
 use canaletto::world::World;
-use canaletto_io::picture::{Decoded, SAMPLES_TEXT, SOFTWARE, decode, read_samples};
 use clap::Args;
 use serde_json::{Value, json};
-use std::fs;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -116,12 +108,11 @@ impl PassFlags {
     /// The job with these flags. `samples` is the value of --samples.
     pub(crate) fn apply(&self, mut job: Job, samples: Option<u32>) -> Result<Job, Failure> {
         let Some(flag) = self.given() else { return Ok(job) };
-        job.progressive = true;
         let ends_by_itself = self.time.is_some() || self.noise.is_some();
         if ends_by_itself && samples.is_none() && matches!(job.film.sampling, Sampling::Sampled(_) | Sampling::Center) {
             job.film.sampling = Sampling::Sampled(Sampling::MAX_SAMPLES - self.first_sample);
         }
-        job.passes().map_err(|why| not_progressive(flag, why))?;
+        job = growing(job, flag)?;
         if self.time.is_some() && job.film.sampler == SamplerKind::BlueNoise {
             return Err(Failure::usage("--time: the blue-noise sampler needs to know the number of samples first")
                 .help("leave --sampler out, or give --samples instead"));
@@ -144,175 +135,11 @@ impl PassFlags {
     }
 }
 
-/// The keys of the texts by which a changed scene is noticed: the digest of all, and the hash of each file.
-pub(crate) const SCENE_DIGEST: &str = "scene-digest";
-pub(crate) const SCENE_FILES: &str = "scene-files";
-
-/// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 18] = [
-    "Software",
-    "size",
-    "crop",
-    "camera",
-    "frame",
-    "seed",
-    "first-sample",
-    PART,
-    "integrator",
-    PROGRESSIVE,
-    ALPHA,
-    BACKGROUND,
-    MODEL,
-    "sampler",
-    "filter",
-    "clamp",
-    "set",
-    SCENE_DIGEST,
-];
-
-/// The digest of the contents of a scene's files and of the values set in it, and the hash of each file.
-pub(crate) fn scene_digest(files: &[UsedFile], set: &[String]) -> [(String, String); 2] {
-    let digest = Digest::EMPTY.with_files(files).with(&set).to_string();
-    [(SCENE_DIGEST.into(), digest), (SCENE_FILES.into(), text_of_files(files))]
-}
-
-/// A picture's file with samples to go on with.
-pub(crate) struct SampleFile<'f> {
-    /// What the user calls it, such as a flag.
-    role: &'static str,
-    file: &'f Path,
-    pub decoded: Decoded,
-}
-
-impl<'f> SampleFile<'f> {
-    /// Reads a file.
-    pub(crate) fn open(role: &'static str, file: &'f Path) -> Result<SampleFile<'f>, Failure> {
-        let failed = |message: String| Failure::new(Exit::Scene, format!("{role} {}: {message}", file.display()));
-        let bytes = fs::read(file).map_err(|error| failed(reason(&error)))?;
-        let decoded = decode(&bytes).map_err(|error| failed(error.to_string()))?;
-        let this = SampleFile { role, file, decoded };
-        if this.text(SCENE_DIGEST).is_none() {
-            return Err(this.failed("it isn't an EXR of a growing picture that this program wrote".into()));
-        }
-        if this.decoded.is_changed {
-            return Err(this
-                .failed(
-                    "its pixels aren't those that were written: it is damaged, or another program changed it".into(),
-                )
-                .help("render the picture from its first sample on"));
-        }
-        Ok(this)
-    }
-
-    fn failed(&self, message: String) -> Failure {
-        Failure::new(Exit::Scene, format!("{} {}: {message}", self.role, self.file.display()))
-    }
-
-    /// A text of the file.
-    pub(crate) fn text(&self, key: &str) -> Option<String> {
-        text_of(&self.decoded.metadata, key)
-    }
-
-    /// Checks that the samples are those of a render with these texts.
-    pub(crate) fn belongs_to(&self, job: &Job, texts: &[(String, String)]) -> Result<(), Failure> {
-        let mut own = texts.to_vec();
-        own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
-        let settings = job.description().settings().into_iter().map(|(key, _)| key);
-        for key in TELLING.into_iter().chain(settings) {
-            let (theirs, own) = (self.text(key), text_of(&own, key));
-            if theirs != own {
-                let [theirs, own] = [theirs, own].map(|text| text.unwrap_or_else(|| "none".to_owned()));
-                return Err(match key {
-                    SCENE_DIGEST => {
-                        let [now, then] =
-                            [text_of(texts, SCENE_FILES), self.text(SCENE_FILES)].map(Option::unwrap_or_default);
-                        let changed = changed_file(&now, &then);
-                        self.failed(changed.unwrap_or_else(|| "the scene has changed since it was rendered".into()))
-                    }
-                    "Software" => self.failed(format!("it was made by {theirs}, and this is {own}")),
-                    _ => self.failed(format!("its {key} is {theirs}, not {own}")),
-                }
-                .help("its samples belong to another picture; render this one from its first sample on"));
-            }
-        }
-        if self.text("sampling").is_some_and(|sampling| sampling.contains("centre")) {
-            return Err(self.failed("its single sample goes through the pixel's centre, where several don't".into()));
-        }
-        Ok(())
-    }
-
-    /// The samples, which are no more than the job asks for.
-    pub(crate) fn samples(&self, job: &Job) -> Result<SampleBlocks, Failure> {
-        let samples = read_samples(&self.decoded, job.first_sample).map_err(|error| self.failed(error.to_string()))?;
-        let (least, wanted) = (fewest(&samples), job.film.sampling.count());
-        if least > wanted {
-            return Err(self.has_enough(least, wanted));
-        }
-        Ok(samples)
-    }
-
-    fn has_enough(&self, least: u32, wanted: u32) -> Failure {
-        self.failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
-            .help(format!("give more, such as --samples {}", 2 * u64::from(least)))
-    }
-}
-
-fn text_of(texts: &[(String, String)], key: &str) -> Option<String> {
-    texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone())
-}
-
-fn fewest(samples: &SampleBlocks) -> u32 {
-    samples.counts().iter().copied().min().unwrap_or(0)
-}
-
-/// The samples of the file of --continue, whose texts must be those of this render. `denoises`: the picture is denoised
-/// when it has its samples.
-pub(crate) fn samples_of_file(
-    file: &Path,
-    job: &Job,
-    texts: &[(String, String)],
-    denoises: bool,
-) -> Result<SampleBlocks, Failure> {
-    let file = SampleFile::open("--continue", file)?;
-    file.belongs_to(job, texts)?;
-    let samples = file.samples(job)?;
-    let (least, wanted) = (fewest(&samples), job.film.sampling.count());
-    // The part of a picture that has all its samples isn't denoised, or wasn't written.
-    let lacks_more = denoises || file.text(UNFINISHED).is_some();
-    if least == wanted && !lacks_more {
-        return Err(file.has_enough(least, wanted));
-    }
-    Ok(samples)
-}
-
-/// The text of a file that tells how many samples its pixels have.
-pub(crate) fn sample_texts(samples: &SampleBlocks) -> Option<(String, String)> {
-    let (fewest, most) = (fewest(samples), samples.counts().iter().copied().max()?);
-    let text = if fewest == most { fewest.to_string() } else { format!("{fewest} to {most}") };
-    Some((SAMPLES_TEXT.into(), text))
-}
-
-/// Adds to a picture, and to the texts of its file, what another render needs to go on with it. `keeps_halves`: a part
-/// of it has the halves of its samples, too, which denoising needs.
-pub(crate) fn add_samples(rendering: &mut Rendering, texts: &mut Vec<(String, String)>, keeps_halves: bool) {
-    let Some(samples) = &rendering.samples else { return };
-    texts.extend(sample_texts(samples));
-    let has = |name: &str| rendering.picture.layers.iter().any(|layer| layer.name == name);
-    let mut all = samples.layers(&rendering.picture.pixels);
-    if keeps_halves && !rendering.complete {
-        all.extend(samples.half_layers());
-    }
-    let new: Vec<_> = all.into_iter().filter(|layer| !has(layer.name)).collect();
-    rendering.picture.layers.extend(new);
-}
-
-/// Adds to a part of a picture, and to the texts of its file, what merging needs: the means of its blocks and of their
-/// halves, in place of the halves of all samples.
-pub(crate) fn add_part(rendering: &mut Rendering, texts: &mut Vec<(String, String)>) {
-    rendering.picture.layers.retain(|layer| Aov::from_name(layer.name).is_none_or(|aov| !aov.is_half()));
-    add_samples(rendering, texts, false);
-    let halves = rendering.samples.as_ref().map_or_else(Vec::new, SampleBlocks::half_layers);
-    rendering.picture.layers.extend(halves);
+/// The job as one of a growing picture, which a flag asks for.
+pub(crate) fn growing(mut job: Job, flag: &str) -> Result<Job, Failure> {
+    job.progressive = true;
+    job.passes().map_err(|why| not_progressive(flag, why))?;
+    Ok(job)
 }
 
 /// Warnings about the samples of a picture.

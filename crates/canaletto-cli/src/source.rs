@@ -361,10 +361,11 @@ impl RecordingAssets {
         RecordingAssets { inner, files: Mutex::default(), log: log.clone() }
     }
 
-    /// Logs a file before it is read. Nothing is asked about a file outside the scene's folder, not even its time.
-    fn log(&self, path: &str, from: &AssetPath) -> Result<(), AssetError> {
-        let found = self.inner.open(path, from).map(drop);
-        if matches!(found, Ok(()) | Err(AssetError::Missing { .. })) {
+    /// Opens a file, and logs it before it is read. Nothing is asked about a file outside the scene's folder, not even
+    /// its time.
+    fn opened(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
+        let found = self.inner.open(path, from);
+        if matches!(found, Ok(_) | Err(AssetError::Missing { .. })) {
             self.log.note(self.inner.system_path(path, from));
         }
         found
@@ -383,7 +384,7 @@ impl RecordingAssets {
 
 impl Assets for RecordingAssets {
     fn read(&self, path: &str, from: &AssetPath) -> Result<Asset, AssetError> {
-        self.log(path, from)?;
+        self.opened(path, from)?;
         let asset = self.inner.read(path, from)?;
         self.note(&asset.path, asset.bytes.len(), || Ok(hash_of(&asset.bytes)))
             .map_err(|e| AssetError::Unreadable { path: path.into(), reason: reason(&e) })?;
@@ -391,8 +392,7 @@ impl Assets for RecordingAssets {
     }
 
     fn open(&self, path: &str, from: &AssetPath) -> Result<OpenAsset, AssetError> {
-        self.log(path, from)?;
-        let asset = self.inner.open(path, from)?;
+        let asset = self.opened(path, from)?;
         let view = asset.content.view();
         let hash = || {
             const PIECE: usize = 1 << 18;

@@ -117,6 +117,26 @@ fn a_terminated_render_leaves_a_checkpoint() {
     folder.says("render s.kdl --integrator path --samples 1 --checkpoint c.exr -o a.png", 3, &["c.exr", "sampl"]);
 }
 
+/// A scheduler's warning makes a checkpoint, and the render goes on.
+#[test]
+fn a_request_makes_a_checkpoint() {
+    let folder = Folder::new("s.kdl", SCENE);
+    let run = "render s.kdl --integrator path --samples 60000 --checkpoint c.exr --checkpoint-every 1h -o a.png";
+    let mut child = begin(&folder, run);
+    while !folder.path(".c.exr.lock").exists() {
+        sleep(Duration::from_millis(5));
+    }
+    assert!(!folder.path("c.exr").exists());
+    let pid = child.id().to_string();
+    let _ = Command::new("kill").args(["-USR1", &pid]).status();
+    while !folder.path("c.exr").exists() {
+        sleep(Duration::from_millis(5));
+    }
+    assert!(child.try_wait().unwrap().is_none(), "it goes on");
+    let _ = Command::new("kill").args(["-TERM", &pid]).status();
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+}
+
 /// A checkpoint of another picture is never overwritten: it is an error where it was asked for, else another name is
 /// taken.
 #[test]

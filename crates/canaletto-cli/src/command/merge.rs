@@ -1,21 +1,21 @@
 //! `canaletto merge`: the parts of a picture as one, with the bytes of one render.
 
 use crate::command_files::{CommandFiles, FolderFlag};
-use crate::denoiser::{Denoiser, lacks, of_rendering, told};
-use crate::digest::changed_file;
+use crate::denoiser::{Denoiser, FEATURES, HALVES, lacks, of_rendering, told};
+use crate::digest::{FileChange, changed_file};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, reason};
 use crate::format::{count, plural};
-use crate::output::{check_files, unfit, write_file};
+use crate::output::{check_files, picture_format, unfit, write_file};
 use crate::output_format::Format;
 use crate::part::{Cut, PART, PICTURE_TEXTS};
 use crate::partial::UNFINISHED;
-use crate::passes::{SCENE_DIGEST, SCENE_FILES, sample_texts};
+use crate::sample_file::{SCENE_DIGEST, SCENE_FILES, sample_texts, text_of};
 use crate::source::on_threads;
 use crate::told_developing::ToldDeveloping;
 use canaletto::Named;
 use canaletto::film::{Layer, Picture, SampleBlocks};
-use canaletto::render::Aov;
+use canaletto::math::Rgb;
 use canaletto::scene::Developing;
 use canaletto_io::picture::{
     Compression, Decoded, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, Window, decode, exr_texts,
@@ -90,12 +90,10 @@ const SCENE: &str = "scene";
 const OWN: [&str; 3] = [PART, SAMPLES_TEXT, UNFINISHED];
 
 fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
-    let extension = flags.output.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let format = extension.as_deref().and_then(Format::of_extension).and_then(Format::picture);
-    let Some(format) = format.filter(|format| !flags.as_part || *format == PictureFormat::Exr) else {
-        let known = if flags.as_part { ".exr".to_owned() } else { Format::picture_extensions() };
-        return Err(Failure::usage(format!("--output {}: end the name in {known}", flags.output.display())));
-    };
+    let format = picture_format("--output", &flags.output)?;
+    if flags.as_part && format != PictureFormat::Exr {
+        return Err(Failure::usage(format!("--output {}: end the name in .exr", flags.output.display())));
+    }
     let files = CommandFiles::default().reads("PART", &flags.parts).writes("--output", [flags.output.clone()]);
     files.check()?;
     flags.folder.make_folders(&files)?;
@@ -107,15 +105,14 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
     let whole = extent(&parts, flags.as_part);
     check_cover(&parts, &whole, flags.partial)?;
     let made = join(&parts, &whole, flags.partial)?;
-    let texts = &parts[0].texts;
-    let is_whole = !flags.as_part && made.share == 1.0;
+    let is_whole = made.share == 1.0;
     let bytes = match flags.as_part {
         true => encode_part(made, &parts[0], whole)?,
-        false => encode_picture(made, (texts, format), &parts[0], &whole, flags)?,
+        false => encode_picture(made, format, &parts[0], &whole, flags)?,
     };
     write_file(&flags.output, &bytes)?;
     if !flags.quiet {
-        let share = if is_whole || flags.as_part { String::new() } else { ", of parts that are there".to_owned() };
+        let share = if is_whole { "" } else { ", of parts that are there" };
         let parts = plural(parts.len() as u64, "part");
         let [_, _, width, height] = whole.area;
         let [from, to] = whole.samples;
@@ -129,9 +126,21 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
 }
 
 impl PartFile<'_> {
+    /// A text of the file.
+    fn text(&self, key: &str) -> Option<String> {
+        text_of(&self.texts, key)
+    }
+
+    /// The texts of the whole picture.
+    fn picture_texts(&self) -> Vec<(String, String)> {
+        let text = self.text(PICTURE_TEXTS);
+        text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
+    }
+
     /// The width and height of the camera's picture.
     fn whole_size(&self) -> [u32; 2] {
-        let size = self.texts.iter().find(|(key, _)| key == "size").and_then(|(_, text)| text.split_once(' '));
+        let size = self.text("size");
+        let size = size.as_deref().and_then(|text| text.split_once(' '));
         let size = size.and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
         let [x, y, width, height] = self.cut.of_area;
         size.unwrap_or([x.saturating_add(width), y.saturating_add(height)])
@@ -151,11 +160,11 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, Failure> {
 fn read(path: &Path) -> Result<PartFile<'_>, Failure> {
     let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
     let texts = exr_texts(&bytes_of(path)?).map_err(|error| unreadable(&error.to_string()))?;
-    let cut = texts.iter().find(|(key, _)| key == PART);
-    let Some(cut) = cut.and_then(|(_, text)| serde_json::from_str::<Cut>(text).ok()).filter(Cut::is_sound) else {
+    let cut = text_of(&texts, PART);
+    let Some(cut) = cut.and_then(|text| serde_json::from_str::<Cut>(&text).ok()).filter(Cut::is_sound) else {
         return Err(unreadable("it is no part of a picture that canaletto render --part made"));
     };
-    if texts.iter().any(|(key, _)| key == UNFINISHED) {
+    if text_of(&texts, UNFINISHED).is_some() {
         return Err(unreadable("it was interrupted, and isn't whole").help("the command that made it goes on with it"));
     }
     let texts = texts.into_iter().filter(|(key, _)| !OWN.contains(&key.as_str())).collect();
@@ -180,7 +189,7 @@ fn read_pixels(PartFile { path, cut, .. }: &PartFile) -> Result<Decoded, Failure
 
 /// Checks that two parts are of one picture.
 fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
-    let of = |part: &PartFile, key: &str| part.texts.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone());
+    let of = PartFile::text;
     let refuse = |exit: Exit, what: String| {
         let [a, b] = [part, first].map(|part| part.path.display());
         Err(Failure::new(exit, format!("{a} is of another picture than {b}: {what}")))
@@ -191,9 +200,12 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
     }
     if of(first, SCENE_DIGEST) != of(part, SCENE_DIGEST) {
         let [now, then] = [part, first].map(|part| of(part, SCENE_FILES).unwrap_or_default());
-        let what = changed_file(&now, &then).map_or("the scenes differ".to_owned(), |what| {
-            what.replace(" since it was rendered", " between them").replace("when it was rendered", "in the other one")
-        });
+        let what = match changed_file(&now, &then) {
+            Some(FileChange::Edited(name)) => format!("{name} has changed between them"),
+            Some(FileChange::Added(name)) => format!("its scene names {name}, and the other one doesn't"),
+            Some(FileChange::Removed(name)) => format!("its scene doesn't name {name}, and the other one does"),
+            None => "the scenes differ".to_owned(),
+        };
         return refuse(Exit::PartScene, what);
     }
     // The scene counts by its contents. What the others follow from comes first.
@@ -206,17 +218,15 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
         }
     }
     if (part.cut.of_samples, part.cut.of_area) != (first.cut.of_samples, first.cut.of_area)
-        || picture_texts(part) != picture_texts(first)
+        || nameless(part.picture_texts()) != nameless(first.picture_texts())
     {
         return refuse(Exit::PartSetting, "the whole pictures differ".into());
     }
     Ok(())
 }
 
-/// The texts of the whole picture, without the scene's names.
-fn picture_texts(part: &PartFile) -> Vec<(String, String)> {
-    let text = part.texts.iter().find(|(key, _)| key == PICTURE_TEXTS).map(|(_, text)| text.as_str());
-    let mut texts: Vec<(String, String)> = text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
+/// The texts without the scene's names.
+fn nameless(mut texts: Vec<(String, String)>) -> Vec<(String, String)> {
     texts.retain(|(key, _)| ![SCENE, SCENE_FILES].contains(&key.as_str()));
     texts
 }
@@ -300,14 +310,11 @@ fn missing(parts: &[PartFile], whole: &Cut) -> Vec<([u32; 2], [u32; 2])> {
 struct Made {
     samples: SampleBlocks,
     /// The colours where not all samples are there.
-    colors: Option<Vec<canaletto::math::Rgb>>,
+    colors: Option<Vec<Rgb>>,
     features: Vec<Layer>,
     /// The share of all samples that is there.
     share: f64,
 }
-
-/// The layers that only denoising reads.
-const FEATURES: [Aov; 3] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal, Aov::DenoisingDepth];
 
 /// Joins the parts, in the order of their samples.
 fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failure> {
@@ -319,9 +326,8 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
     let mut there = 0.0;
     for part in parts {
         let own = read_pixels(part)?;
-        let failed =
-            |message: String| Failure::new(Exit::PartUnreadable, format!("{}: {message}", part.path.display()));
-        let blocks = read_samples(&own, part.cut.samples[0]).map_err(|error| failed(error.to_string()))?;
+        let unreadable = |message: &str| failed(part.path, Exit::PartUnreadable, message);
+        let blocks = read_samples(&own, part.cut.samples[0]).map_err(|error| unreadable(&error.to_string()))?;
         let [x, y, own_width, own_height] = part.cut.area;
         let at = [x - left, y - top];
         let places = || (0..own_height).flat_map(move |row| (0..own_width).map(move |column| [column, row]));
@@ -339,7 +345,7 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
         let all =
             samples.get_or_insert_with(|| SampleBlocks::new([width, height], whole.samples[0], blocks.keeps_halves()));
         if !all.merge(&blocks, at) && !is_partial {
-            return Err(failed("its samples don't follow those of the parts before it".into()));
+            return Err(unreadable("its samples don't follow those of the parts before it"));
         }
         for aov in FEATURES {
             let channel = |name: &&'static str| own.image.channel(&format!("{}.{name}", aov.name().replace('-', "_")));
@@ -359,7 +365,7 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
     let share = there / all;
     let color = |[r, g, b, weight]: &[f64; 4]| match *weight > 0.0 {
         true => [r, g, b].map(|v| (v / weight) as f32).into(),
-        false => canaletto::math::Rgb::BLACK,
+        false => Rgb::BLACK,
     };
     let colors = (is_partial && share < 1.0).then(|| sums.iter().map(color).collect());
     let samples = samples.ok_or_else(|| Failure::new(Exit::PartMissing, "there is no part"))?;
@@ -368,7 +374,7 @@ fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failu
 
 /// The bytes of a larger part.
 fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failure> {
-    let mut picture = picture_of(&made);
+    let mut picture = made.samples.picture();
     picture.layers = made.features;
     picture.layers.extend(made.samples.layers(&picture.pixels));
     picture.layers.extend(made.samples.half_layers());
@@ -382,33 +388,24 @@ fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failur
     PictureFormat::Exr.encode(&rendered, &settings, &texts, &|| true).map_err(|e| unfit(&e))
 }
 
-fn picture_of(made: &Made) -> Picture {
-    let [width, height] = made.samples.size();
-    let mut picture = Picture::new(width, height);
-    picture.pixels = match &made.colors {
-        Some(colors) => colors.clone(),
-        None => (0..picture.pixels.len()).map(|pixel| made.samples.mean(pixel)).collect(),
-    };
-    picture
-}
-
 /// The bytes of the picture, as one render writes it.
 fn encode_picture(
     made: Made,
-    (texts, format): (&[(String, String)], PictureFormat),
+    format: PictureFormat,
     first: &PartFile,
     whole: &Cut,
     flags: &MergeFlags,
 ) -> Result<Vec<u8>, Failure> {
-    let own = texts.iter().find(|(key, _)| key == PICTURE_TEXTS).map(|(_, text)| text.as_str());
-    let mut own: Vec<(String, String)> = own.and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
+    let mut own = first.picture_texts();
     let has_layers = Format::Picture(format).has_layers();
     if !has_layers {
         own.retain(|(key, _)| ![SCENE_DIGEST, SCENE_FILES].contains(&key.as_str()));
     }
-    let of = |key: &str| own.iter().find(|(own, _)| own == key).map(|(_, text)| text.clone());
-    let mut picture = picture_of(&made);
-    if let Some(denoiser) = of("denoiser").and_then(|name| Denoiser::from_str(&name, false).ok())
+    let mut picture = made.samples.picture();
+    if let Some(colors) = &made.colors {
+        picture.pixels.clone_from(colors);
+    }
+    if let Some(denoiser) = text_of(&own, "denoiser").and_then(|name| Denoiser::from_str(&name, false).ok())
         && made.share == 1.0
     {
         denoise(denoiser, &mut picture, &made, flags)?;
@@ -423,8 +420,7 @@ fn encode_picture(
         own.extend(sample_texts(&made.samples));
         picture.layers.extend(made.samples.layers(&picture.pixels));
     }
-    let frame = texts.iter().find(|(key, _)| key == "frame").map_or_else(|| "0".to_owned(), |(_, text)| text.clone());
-    own.push(("frame".to_owned(), frame));
+    own.push(("frame".to_owned(), first.text("frame").unwrap_or_else(|| "0".to_owned())));
     if made.share < 1.0 {
         let percent = 100.0 * made.share;
         own.push((UNFINISHED.to_owned(), format!("merged of {percent:.1}% of its samples")));
@@ -442,7 +438,7 @@ fn denoise(denoiser: Denoiser, picture: &mut Picture, made: &Made, flags: &Merge
     let start = Instant::now();
     picture.layers.clone_from(&made.features);
     if made.samples.keeps_halves() {
-        for (half, name) in Aov::ALL.iter().filter(|aov| aov.is_half()).map(|aov| aov.name()).enumerate() {
+        for (half, name) in HALVES.into_iter().enumerate() {
             let values = |pixel: usize| made.samples.half_means(pixel).unwrap_or_default()[half].to_array();
             let data = (0..picture.pixels.len()).flat_map(values).collect();
             picture.layers.push(Layer::new(name, &["R", "G", "B"], data));

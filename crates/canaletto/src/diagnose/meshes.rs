@@ -58,7 +58,7 @@ fn same_place(scene: &Scene) -> Option<MeshFinding> {
     let (mut objects, mut count) = (None, 0);
     let prototypes = scene.prototypes.iter().map(std::slice::from_ref);
     for nodes in std::iter::once(&scene.nodes[..]).chain(prototypes) {
-        let mut known: HashMap<[u64; 18], Vec<(&Content, &Node)>> = HashMap::new();
+        let mut known: HashMap<[u64; 18], Vec<&Node>> = HashMap::new();
         let mut left: Vec<(&Node, Transform)> = nodes.iter().rev().map(|node| (node, Transform::IDENTITY)).collect();
         while let Some((node, around)) = left.pop() {
             if !node.motion.is_usual() {
@@ -86,17 +86,17 @@ fn same_place(scene: &Scene) -> Option<MeshFinding> {
                 key[12..14].copy_from_slice(&[u64::from(kind), u64::from(index)]);
             }
             let here = known.entry(key).or_default();
-            let equal = here.iter().find(|(content, other)| match (content, &node.content) {
+            let equal = here.iter().find(|other| match (&other.content, &node.content) {
                 (Content::Shape(a), Content::Shape(b)) => a == b && node.rest == other.rest,
                 (Content::Shape(_), _) | (_, Content::Shape(_)) => false,
                 _ => true,
             });
             match equal {
-                Some((_, other)) => {
+                Some(other) => {
                     count += 1;
                     objects.get_or_insert_with(|| [called(other, scene), called(node, scene)]);
                 }
-                None => here.push((&node.content, node)),
+                None => here.push(node),
             }
         }
     }

@@ -8,7 +8,7 @@
 //! In Sobol's sequence with Owen's scrambling each aligned block is a net. So the halves of blocks are the best halves
 //! of a pixel: each of them covers all that is sampled.
 
-use super::Layer;
+use super::{Layer, Picture};
 use crate::math::Rgb;
 
 /// The halves of a block of which only the mean is known.
@@ -306,6 +306,12 @@ impl SampleBlocks {
             self.insert(&area, [x, y]);
         }
         fits
+    }
+
+    /// The picture of these samples, without layers.
+    pub fn picture(&self) -> Picture {
+        let pixels = (0..self.counts.len()).map(|pixel| self.mean(pixel)).collect();
+        Picture { pixels, ..Picture::new(self.width, self.height) }
     }
 
     /// The mean of a pixel's samples; black without samples.

@@ -254,32 +254,9 @@ impl<'w> Session<'w> {
         )
     }
 
-    /// The samples at this moment, while threads make more, and the pass in which they are made. Tiles in work are as
-    /// they were before. None of a picture that isn't progressive.
+    /// The samples at this moment and the pass in which they are made.
     fn checkpoint(&self) -> Option<Checkpoint> {
-        let FilmState::Blocks { tiles, before } = &self.film else { return None };
-        let ([left, top, width, height], areas) = (self.made.window(), self.made.tiles());
-        let mut all: Option<SampleBlocks> = None;
-        for (number, tile) in tiles.iter().enumerate() {
-            let [x, y, ..] = areas.area(number);
-            let mut add = |blocks: &SampleBlocks| {
-                let new = || SampleBlocks::new([width, height], self.made.first_sample, blocks.keeps_halves());
-                all.get_or_insert_with(new).insert(blocks, [x - left, y - top]);
-            };
-            loop {
-                match tile.try_lock() {
-                    Ok(tile) => break add(&tile.blocks),
-                    Err(TryLockError::Poisoned(tile)) => break add(&tile.into_inner().blocks),
-                    Err(TryLockError::WouldBlock) => {}
-                }
-                if let Some(blocks) = before.lock().unwrap_or_else(PoisonError::into_inner).get(&number) {
-                    break add(blocks);
-                }
-                // The tile is about to be begun, or is done.
-                std::thread::yield_now();
-            }
-        }
-        Some(Checkpoint { samples: all?, pass: self.pass.clone() })
+        Some(Checkpoint { samples: self.samples()?, pass: self.pass.clone() })
     }
 
     /// Takes up a picture where a checkpoint left it.
@@ -323,19 +300,32 @@ impl<'w> Session<'w> {
         &self.picture.get_mut().unwrap_or_else(PoisonError::into_inner).picture
     }
 
-    /// The samples so far of a progressive picture; none of another one.
+    /// The samples so far of a progressive picture; none of another one. Tiles that threads work at are as they were
+    /// before.
     pub fn samples(&self) -> Option<SampleBlocks> {
-        let FilmState::Blocks { tiles, .. } = &self.film else { return None };
-        let [left, top, width, height] = self.made.window();
-        let mut blocks: Option<SampleBlocks> = None;
-        for tile in tiles {
-            let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-            let keeps_halves = tile.blocks.keeps_halves();
-            blocks
-                .get_or_insert_with(|| SampleBlocks::new([width, height], self.made.first_sample, keeps_halves))
-                .insert(&tile.blocks, [tile.area[0] - left, tile.area[1] - top]);
+        let FilmState::Blocks { tiles, before } = &self.film else { return None };
+        let ([left, top, width, height], areas) = (self.made.window(), self.made.tiles());
+        let mut all: Option<SampleBlocks> = None;
+        for (number, tile) in tiles.iter().enumerate() {
+            let [x, y, ..] = areas.area(number);
+            let mut add = |blocks: &SampleBlocks| {
+                let new = || SampleBlocks::new([width, height], self.made.first_sample, blocks.keeps_halves());
+                all.get_or_insert_with(new).insert(blocks, [x - left, y - top]);
+            };
+            loop {
+                match tile.try_lock() {
+                    Ok(tile) => break add(&tile.blocks),
+                    Err(TryLockError::Poisoned(tile)) => break add(&tile.into_inner().blocks),
+                    Err(TryLockError::WouldBlock) => {}
+                }
+                if let Some(blocks) = before.lock().unwrap_or_else(PoisonError::into_inner).get(&number) {
+                    break add(blocks);
+                }
+                // The tile is about to be begun, or is done.
+                std::thread::yield_now();
+            }
         }
-        blocks
+        all
     }
 
     /// The number of samples that every pixel has.

@@ -8,8 +8,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::flags::named;
 use crate::layers::developed;
-use crate::output::{check_files, unfit, write_file};
-use crate::output_format::Format;
+use crate::output::{check_files, picture_format, unfit, write_file};
 use crate::picture_file::read_picture;
 use crate::settings::list;
 use crate::source::on_threads;
@@ -93,12 +92,7 @@ pub(crate) fn run(flags: &DenoiseFlags) -> Result<Exit, Failure> {
 }
 
 fn denoise(flags: &DenoiseFlags) -> Result<Exit, Failure> {
-    let extension = flags.output.extension().map(|e| e.to_string_lossy().to_lowercase());
-    let format = extension.as_deref().and_then(Format::of_extension).and_then(Format::picture);
-    let Some(format) = format else {
-        let extensions = Format::picture_extensions();
-        return Err(Failure::usage(format!("--output {}: end the name in {extensions}", flags.output.display())));
-    };
+    let format = picture_format("--output", &flags.output)?;
     flags.denoiser.check()?;
     let files = CommandFiles::default().reads("PICTURE", [&flags.picture]).reads("OTHER", &flags.other);
     let files = files.writes("--output", [flags.output.clone()]);

@@ -5,7 +5,7 @@ use crate::command::compare;
 use crate::command_files::CommandFiles;
 use crate::failure::Failure;
 use crate::legend::{INK, MARGIN, PAPER};
-use crate::output::{Output, OutputFlags};
+use crate::output::Output;
 use crate::resample::covering;
 use crate::told_developing::ToldDeveloping;
 use canaletto::film::Picture;
@@ -32,16 +32,7 @@ impl ContactSheet {
     /// The sheet that the flags ask for.
     pub(super) fn new(flags: &RenderFlags) -> Result<Option<ContactSheet>, Failure> {
         let Some(file) = flags.contact_sheet.as_ref().filter(|_| !flags.dry_run) else { return Ok(None) };
-        let own = OutputFlags {
-            output: Some(file.clone()),
-            format: None,
-            bits: None,
-            compression: None,
-            jpeg_quality: None,
-            uint_ids: false,
-            ..flags.output.clone()
-        };
-        let output = Output::new(&own, "", false, false)?;
+        let output = Output::new(&flags.output.for_file(file), "", false, false)?;
         let format = output.format.picture().filter(|_| !output.is_stdout());
         let Some(format) = format else {
             return Err(Failure::usage(format!("--contact-sheet {}: it is a picture's file", file.display()))

@@ -113,15 +113,7 @@ impl Plan {
 /// The output of pictures in the making: that of the picture, which finer ones replace, or a file of its own.
 fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Frames) -> Result<Output, Failure> {
     if let Some(own) = own {
-        let flags = OutputFlags {
-            output: Some(own.to_owned()),
-            format: None,
-            bits: None,
-            compression: None,
-            jpeg_quality: None,
-            ..flags.clone()
-        };
-        let preview = Output::new(&OutputFlags { uint_ids: false, ..flags }, "", false, false)?;
+        let preview = Output::new(&flags.for_file(own), "", false, false)?;
         if preview.format.film().is_some() || preview.is_stdout() {
             return Err(Failure::usage(format!("--preview={}: it takes a picture's file", own.display()))
                 .help("such as --preview=live.png"));
