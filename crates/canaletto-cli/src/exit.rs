@@ -2,10 +2,9 @@
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock};
 
 /// Whether a termination signal has arrived.
-pub(crate) static TERMINATED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+pub(crate) static TERMINATED: AtomicBool = AtomicBool::new(false);
 
 /// The result of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

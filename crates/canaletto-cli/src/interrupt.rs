@@ -8,12 +8,14 @@ use crate::exit::TERMINATED;
 use crate::failure::{Failure, eprint_line};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError, mpsc};
+use std::sync::{Mutex, OnceLock, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 use std::{fs, process, thread};
 
 #[cfg(unix)]
-use signal_hook::consts::{SIGTERM, SIGUSR1};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+#[cfg(unix)]
+use signal_hook::iterator::Signals;
 
 static SIGNALS: AtomicU8 = AtomicU8::new(0);
 /// The time of the first signal.
@@ -27,7 +29,7 @@ static LEFTOVER: Mutex<Option<PathBuf>> = Mutex::new(None);
 static OUTDATED: AtomicBool = AtomicBool::new(false);
 
 /// Whether a checkpoint was asked for by SIGUSR1, as schedulers send it before they end a job.
-static CHECKPOINT: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+static CHECKPOINT: AtomicBool = AtomicBool::new(false);
 
 /// There is nothing to save.
 const IDLE: u8 = 0;
@@ -48,14 +50,13 @@ static SAMPLES_SAVED: AtomicBool = AtomicBool::new(false);
 
 /// Installs the signal handler. `json`: stderr is for a program.
 pub(crate) fn install(json: bool) {
-    // Without a handler Ctrl-C ends the program by default.
-    let _ = ctrlc::set_handler(move || {
+    listen(move || {
         FIRST.get_or_init(Instant::now);
         let first = SIGNALS.fetch_add(1, Ordering::SeqCst) == 0;
         if !first || PHASE.load(Ordering::SeqCst) == IDLE {
             exit_now(json);
         }
-        // The wait has a thread of its own, so that the handler stays free for a second signal.
+        // The wait has a thread of its own, so that the listener stays free for a second signal.
         let watched = thread::Builder::new().spawn(move || {
             thread::sleep(RENDER_LIMIT);
             if PHASE.load(Ordering::SeqCst) != SAVING {
@@ -69,11 +70,30 @@ pub(crate) fn install(json: bool) {
             exit_now(json);
         }
     });
-    // These handlers come after the one above, which they call, too.
-    #[cfg(unix)]
-    for (signal, flag) in [(SIGTERM, &TERMINATED), (SIGUSR1, &CHECKPOINT)] {
-        let _ = signal_hook::flag::register(signal, Arc::clone(flag));
-    }
+}
+
+/// Calls `stop` for each signal that asks the program to end. Without a listener these end it by default.
+#[cfg(unix)]
+fn listen(stop: impl Fn() + Send + 'static) {
+    let Ok(mut signals) = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGUSR1]) else { return };
+    let each = move || {
+        for signal in signals.forever() {
+            if signal == SIGUSR1 {
+                CHECKPOINT.store(true, Ordering::Relaxed);
+                continue;
+            }
+            // The exit code is known before anything may end the program.
+            TERMINATED.fetch_or(signal == SIGTERM, Ordering::Relaxed);
+            stop();
+        }
+    };
+    let _ = thread::Builder::new().name("canaletto-signals".into()).spawn(each);
+}
+
+/// Calls `stop` for each request to end the program.
+#[cfg(not(unix))]
+fn listen(stop: impl Fn() + Send + 'static) {
+    let _ = ctrlc::set_handler(stop);
 }
 
 /// Whether a checkpoint was asked for since the last call.
