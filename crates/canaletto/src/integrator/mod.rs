@@ -13,6 +13,7 @@ mod prepared;
 mod probe;
 pub mod radiosity;
 pub(crate) mod shading;
+mod state_file;
 mod task_queue;
 mod visible_hit;
 pub(crate) mod whitted;
@@ -26,10 +27,10 @@ pub(crate) use job_check::BLUE_NOISE;
 pub use measurement::Measurement;
 pub use omission::{Omission, omissions};
 pub use path::{
-    GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter, SampledSource,
-    SourceSample,
+    GuidedSample, GuidingField, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, PathMeter,
+    SampledSource, SourceSample,
 };
-pub(crate) use path::{PathTracer, PreparedPath};
+pub(crate) use path::{PathTracer, PreparedPath, learn_field};
 pub use prepared::Preparation;
 pub(crate) use prepared::{
     Cancelled, IntegratorWorker, PreparedIntegrator, PreparedRayIntegrator, RayIntegrator, TileBlock,
@@ -37,6 +38,7 @@ pub(crate) use prepared::{
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};
+pub use state_file::StateFileError;
 pub(crate) use task_queue::TaskQueue;
 pub use whitted::Whitted;
 pub use zbuffer::{RasterNode, RasterRival, RasterTriangle, RivalFate};

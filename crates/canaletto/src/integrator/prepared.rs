@@ -1,5 +1,6 @@
 //! What integrators prepare, and the work of their threads: how a render asks for tiles, and an explanation for rays.
 
+use super::path::GuidingField;
 use super::radiosity::RadiositySolution;
 use super::{Counts, PreparedRadiosity, Probe, RayCounts, Transport};
 use crate::film::TileBuffer;
@@ -18,6 +19,8 @@ pub(crate) type Cancelled<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 pub struct Preparation<'s> {
     /// A solution of radiosity that was found before. Other integrators have none.
     pub solution: Option<&'s Arc<RadiositySolution>>,
+    /// What path guiding learnt before. Other integrators learn nothing.
+    pub guiding: Option<&'s Arc<GuidingField>>,
     /// Whether radiosity keeps how light goes from patch to patch, for explanations. It takes memory.
     pub keeps_links: bool,
 }

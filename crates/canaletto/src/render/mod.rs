@@ -7,11 +7,12 @@ mod session;
 
 use crate::film::{Checkpoint, Pass, Picture, SampleBlocks, SampleStatistics};
 use crate::integrator::radiosity::RadiositySolution;
-use crate::integrator::{Counts, preparable};
+use crate::integrator::{Counts, GuidingField, learn_field, preparable};
 pub use crate::integrator::{Preparation, PreparationMemory};
 pub use crate::job::{
     Aov, FinishedTile, Job, JobError, Observer, PassProgress, PlacedJob, Progress, SolvingPhase, SolvingProgress, Tiles,
 };
+use crate::scene::Integrator;
 use crate::world::World;
 use canaletto_bvh::with_stack;
 pub use session::Session;
@@ -106,6 +107,23 @@ pub fn render_on(
     observer: &dyn Observer,
 ) -> Result<Rendering, JobError> {
     render_from(world, job, Preparation::default(), Some(&start.clone().into()), observer)
+}
+
+/// Learns where light comes from, as a render by guided paths does before its first sample. A render from it
+/// ([`Preparation::guiding`]) has the bytes of one that learns it. It serves all parts of a picture: their samples and
+/// crop windows don't count. The field of other integrators guides nowhere. Breaks if the observer cancels.
+///
+/// # Errors
+/// [`JobError`] as from a render.
+pub fn learn_guiding(
+    world: &World,
+    job: &Job,
+    observer: &dyn Observer,
+) -> Result<ControlFlow<(), GuidingField>, JobError> {
+    job.check()?;
+    let Integrator::Path(settings) = job.integrator else { return Ok(ControlFlow::Continue(GuidingField::default())) };
+    let placed = PlacedJob::new(world, job);
+    Ok(with_stack(stack_of(world, job), || learn_field(&placed, settings, observer))?)
 }
 
 /// Renders a picture from what is there already: a solution of radiosity, which isn't solved then, and samples, which

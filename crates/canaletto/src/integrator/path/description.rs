@@ -87,9 +87,10 @@ impl Preparable for PathSettings {
     fn prepare<'w>(
         &self,
         job: &PlacedJob<'w>,
-        _preparation: Preparation<'_>,
+        preparation: Preparation<'_>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), Box<dyn PreparedIntegrator + 'w>>, JobError> {
-        Ok(prepare_path(job, *self, observer).map_continue(|integrator| CameraRays::boxed(job, integrator)))
+        Ok(prepare_path(job, *self, preparation.guiding, observer)
+            .map_continue(|integrator| CameraRays::boxed(job, integrator)))
     }
 }

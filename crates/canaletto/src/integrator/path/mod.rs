@@ -40,11 +40,14 @@ use crate::world::{OccluderCache, World};
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
-use guiding::{GuidingField, GuidingRecord, GuidingRecorder};
+pub use guiding::GuidingField;
+use guiding::{GuidingRecord, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
 use opaque8::OpaqueMaterials;
+use std::sync::Arc;
 use stream::PathStream;
+pub(crate) use training::learn_field;
 
 /// What the threads of path tracing share.
 pub(crate) struct PreparedPath {
@@ -55,7 +58,7 @@ pub(crate) struct PreparedPath {
     warnings: Vec<String>,
     opaque: OpaqueMaterials,
     /// Where light comes from, if that was learnt.
-    guide: Option<GuidingField>,
+    guide: Option<Arc<GuidingField>>,
 }
 
 impl PreparedPath {
@@ -105,8 +108,8 @@ impl PreparedPath {
     }
 
     /// Guides paths by a field, or no more.
-    pub(crate) fn set_guide(&mut self, guide: Option<GuidingField>) {
-        self.guide = guide;
+    pub(crate) fn set_guide(&mut self, guide: Option<Arc<GuidingField>>) {
+        self.guide = guide.filter(|guide| guide.cell_count() > 0);
     }
 }
 
@@ -124,7 +127,7 @@ impl PreparedRayIntegrator for PreparedPath {
             settings: self.settings,
             lights: &self.lights,
             opaque: &self.opaque,
-            guide: self.guide.as_ref(),
+            guide: self.guide.as_deref(),
             has_media: self.has_media,
             sees_through: self.sees_through,
             backdrop: world.backdrop,

@@ -7,6 +7,7 @@ use crate::integrator::task_queue::TaskQueue;
 use crate::job::{Job, Observer, PlacedJob, SolvingPhase, SolvingProgress};
 use crate::scene::{Guiding, PathSettings, SamplerKind};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// The rounds of the training. Each has twice as many paths as the one before.
 const ROUNDS: u32 = 4;
@@ -116,22 +117,56 @@ impl<'w> TrainingPaths<'w> {
 }
 
 /// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
+///
+/// `guiding` is what was learnt before.
 pub(super) fn prepare_path(
     job: &PlacedJob,
     settings: PathSettings,
+    guiding: Option<&Arc<GuidingField>>,
     observer: &dyn Observer,
 ) -> ControlFlow<(), PreparedPath> {
     let mut prepared = PreparedPath::new(job.world(), settings);
     if settings.guiding == Guiding::Off {
         return ControlFlow::Continue(prepared);
     }
+    let guide = match guiding {
+        Some(field) => Some(Arc::clone(field)),
+        None => train(&mut prepared, job, observer)?,
+    };
+    prepared.set_guide(guide);
+    ControlFlow::Continue(prepared)
+}
+
+/// Learns where light comes from, for a job of path tracing whose settings ask for it. A field without cells says that
+/// guiding isn't worth its time. Breaks if cancelled.
+pub(crate) fn learn_field(
+    job: &PlacedJob,
+    settings: PathSettings,
+    observer: &dyn Observer,
+) -> ControlFlow<(), GuidingField> {
+    if settings.guiding == Guiding::Off {
+        return ControlFlow::Continue(GuidingField::default());
+    }
+    let field = train(&mut PreparedPath::new(job.world(), settings), job, observer)?;
+    // Nothing else holds the field by now.
+    ControlFlow::Continue(field.and_then(Arc::into_inner).unwrap_or_default())
+}
+
+/// Trains path guiding; none if it isn't worth its time. `prepared` is guided meanwhile, and by nothing afterwards.
+fn train(
+    prepared: &mut PreparedPath,
+    job: &PlacedJob,
+    observer: &dyn Observer,
+) -> ControlFlow<(), Option<Arc<GuidingField>>> {
+    let settings = prepared.settings;
     let budget = training_paths(job);
     let training = TrainingPaths::new(job);
     let trace = |prepared: &PreparedPath, begun, count| training.trace(prepared, begun, count, observer);
     let is_auto = settings.guiding == Guiding::Auto;
-    if is_auto && GuidingField::rarity(trace(&prepared, 0, first_paths(job))?) < RARE {
-        return ControlFlow::Continue(prepared);
+    if is_auto && GuidingField::rarity(trace(prepared, 0, first_paths(job))?) < RARE {
+        return ControlFlow::Continue(None);
     }
+    let mut last = None;
     let mut begun = 0;
     for round in 0..ROUNDS {
         observer.solving(&SolvingProgress {
@@ -140,17 +175,20 @@ pub(super) fn prepare_path(
             links: 0,
         });
         let count = paths_of_round(budget, round);
-        let records = trace(&prepared, begun, count)?;
+        let records = trace(prepared, begun, count)?;
         begun += count;
         let is_last = round + 1 == ROUNDS;
         let field = GuidingField::new(records, is_last);
         // The paths of the first round weren't guided.
         let most = if is_last { WORTHWHILE } else { PROMISING };
         if is_auto && round > 0 && field.noise_ratio() > most {
-            prepared.set_guide(None);
+            last = None;
             break;
         }
-        prepared.set_guide(Some(field));
+        let field = Arc::new(field);
+        prepared.set_guide(Some(Arc::clone(&field)));
+        last = Some(field);
     }
-    ControlFlow::Continue(prepared)
+    prepared.set_guide(None);
+    ControlFlow::Continue(last)
 }

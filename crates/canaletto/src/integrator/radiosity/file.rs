@@ -1,5 +1,5 @@
 //! Solutions as files: magic number, version, fingerprint, lists, checksum. `docs/radiosity-file.md` describes
-//! the format. A change of the format, or of what its numbers mean, raises [`VERSION`].
+//! the format. A change of the format, or of what its numbers mean, raises [`FORMAT`]'s version.
 
 use super::emitters::{Emitter, Emitters};
 use super::fingerprint::SolutionFingerprint;
@@ -8,41 +8,16 @@ use super::mesh::NONE;
 use super::outline::Outline;
 use super::root::Root;
 use super::solution::{ArrivingLight, Patch, RadiositySolution, RootPlace, SolvedElement};
+use crate::Named;
+use crate::integrator::state_file::{Reader, Record, StateFileError, StateFormat, Writer, record};
 use crate::scene::{RadiosityMethod, RadiositySettings};
-use crate::{Named, WordHash};
 use glam::{DVec3, Vec3};
-use std::io::{self, BufReader, BufWriter, ErrorKind, Read, Write};
+use std::io::{self, Read, Write};
 use std::sync::Arc;
 
-/// The first bytes of a solution's file. As in PNG files, they betray a file that was changed as a text.
-const MAGIC: [u8; 8] = *b"\x89RAD\r\n\x1a\n";
-
-/// The version of the format.
-const VERSION: u32 = 1;
-
-/// The reason why a solution's file can't be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SolutionFileError {
-    /// The system can't read the file, or has no memory for it.
-    #[error("{0}")]
-    Unreadable(io::Error),
-    /// The file is something else.
-    #[error("it isn't a solution of radiosity")]
-    Foreign,
-    /// The file has a version of the format that this program doesn't know.
-    #[error("its format is version {found}, and this program reads version {VERSION}")]
-    Version {
-        /// The version of the file's format.
-        found: u32,
-    },
-    /// The file ends before its content.
-    #[error("it ends too early: it is cut off or damaged")]
-    CutOff,
-    /// Bytes of the file were changed.
-    #[error("it is damaged: its content doesn't match its checksum")]
-    Damaged,
-}
+/// The format of solutions.
+const FORMAT: StateFormat =
+    StateFormat { magic: *b"\x89RAD\r\n\x1a\n", version: 1, content: "a solution of radiosity" };
 
 impl RadiositySolution {
     /// Writes the solution and the fingerprint of its scene. All numbers keep their bits.
@@ -50,9 +25,7 @@ impl RadiositySolution {
     /// # Errors
     /// Those of the output.
     pub fn write(&self, fingerprint: &SolutionFingerprint, mut out: impl Write) -> io::Result<()> {
-        let mut writer = Writer { out: BufWriter::new(&mut out), checksum: WordHash::new() };
-        writer.bytes(&MAGIC)?;
-        VERSION.put(&mut writer)?;
+        let mut writer = Writer::begin(&mut out, FORMAT)?;
         fingerprint.put(&mut writer)?;
         let RadiositySolution {
             patches,
@@ -82,35 +55,21 @@ impl RadiositySolution {
         writer.list(boundary)?;
         writer.list(polygons)?;
         (*excess as u64).put(&mut writer)?;
-        let checksum = writer.checksum.finish();
-        writer.bytes(&checksum.to_le_bytes())?;
-        writer.out.flush()
+        writer.finish()
     }
 
     /// Reads a file of `length` bytes. The memory is a small multiple of this length. Any bytes give a solution or an
     /// error.
     ///
     /// # Errors
-    /// [`SolutionFileError`] names the reason.
-    pub fn read(
-        mut input: impl Read,
-        length: u64,
-    ) -> Result<(SolutionFingerprint, RadiositySolution), SolutionFileError> {
-        let mut reader = Reader { input: BufReader::new(&mut input), left: length, checksum: WordHash::new() };
-        match reader.bytes() {
-            Ok(MAGIC) => {}
-            Err(error @ SolutionFileError::Unreadable(_)) => return Err(error),
-            _ => return Err(SolutionFileError::Foreign),
-        }
-        let found = u32::take(&mut reader)?;
-        if found != VERSION {
-            return Err(SolutionFileError::Version { found });
-        }
+    /// [`StateFileError`] names the reason.
+    pub fn read(mut input: impl Read, length: u64) -> Result<(SolutionFingerprint, RadiositySolution), StateFileError> {
+        let mut reader = Reader::begin(&mut input, length, FORMAT)?;
         let fingerprint = SolutionFingerprint::take(&mut reader)?;
         let origin = DVec3::take(&mut reader)?;
         let primitives = u64::take(&mut reader)?;
         let residual = f64::take(&mut reader)?;
-        let links = usize::try_from(u64::take(&mut reader)?).map_err(|_| SolutionFileError::Damaged)?;
+        let links = usize::try_from(u64::take(&mut reader)?).map_err(|_| StateFileError::Damaged)?;
         let limit_reached = bool::take(&mut reader)?;
         let patches: Vec<Patch> = reader.list()?;
         let elements: Vec<SolvedElement> = reader.list()?;
@@ -118,11 +77,8 @@ impl RadiositySolution {
         let (points, light, centers) = (reader.list()?, reader.list()?, reader.list()?);
         let (firsts, boundary) = (reader.list()?, reader.list()?);
         let polygons = reader.list()?;
-        let excess = usize::try_from(u64::take(&mut reader)?).map_err(|_| SolutionFileError::Damaged)?;
-        let checksum = reader.checksum.finish();
-        if reader.left != 8 || reader.bytes()? != checksum.to_le_bytes() {
-            return Err(SolutionFileError::Damaged);
-        }
+        let excess = usize::try_from(u64::take(&mut reader)?).map_err(|_| StateFileError::Damaged)?;
+        reader.finish()?;
         let outlines = elements.iter().filter(|element| element.parts == 0).map(|element| element.outline).collect();
         let interpolation = Interpolation { points, light, centers, firsts, boundary };
         let solution = RadiositySolution {
@@ -138,7 +94,7 @@ impl RadiositySolution {
             links,
             limit_reached,
         };
-        if has_valid_numbers(&solution) { Ok((fingerprint, solution)) } else { Err(SolutionFileError::Damaged) }
+        if has_valid_numbers(&solution) { Ok((fingerprint, solution)) } else { Err(StateFileError::Damaged) }
     }
 }
 
@@ -172,163 +128,6 @@ fn has_valid_numbers(solution: &RadiositySolution) -> bool {
         && boundary.iter().all(|&vertex| (vertex as usize) < points.len())
 }
 
-/// A file that is being written.
-struct Writer<'a> {
-    out: BufWriter<&'a mut dyn Write>,
-    checksum: WordHash,
-}
-
-impl Writer<'_> {
-    fn bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.checksum.add_bytes(bytes);
-        self.out.write_all(bytes)
-    }
-
-    /// Writes the number of records, and the records.
-    fn list<T: Record>(&mut self, records: &[T]) -> io::Result<()> {
-        (records.len() as u64).put(self)?;
-        records.iter().try_for_each(|record| record.put(self))
-    }
-}
-
-/// A file that is being read.
-struct Reader<'a> {
-    input: BufReader<&'a mut dyn Read>,
-    /// The bytes that are left.
-    left: u64,
-    checksum: WordHash,
-}
-
-impl Reader<'_> {
-    fn bytes<const N: usize>(&mut self) -> Result<[u8; N], SolutionFileError> {
-        self.left = self.left.checked_sub(N as u64).ok_or(SolutionFileError::CutOff)?;
-        let mut bytes = [0; N];
-        self.input.read_exact(&mut bytes).map_err(|error| match error.kind() {
-            ErrorKind::UnexpectedEof => SolutionFileError::CutOff,
-            _ => SolutionFileError::Unreadable(error),
-        })?;
-        self.checksum.add_bytes(&bytes);
-        Ok(bytes)
-    }
-
-    /// Reads the number of records, and the records. A number that the file has no room for takes no memory.
-    fn list<T: Record>(&mut self) -> Result<Vec<T>, SolutionFileError> {
-        let count = u64::take(self)?;
-        if count > self.left / T::BYTES {
-            return Err(SolutionFileError::CutOff);
-        }
-        let mut records = Vec::new();
-        let count = usize::try_from(count).map_err(|_| SolutionFileError::CutOff)?;
-        records.try_reserve_exact(count).map_err(|_| SolutionFileError::Unreadable(ErrorKind::OutOfMemory.into()))?;
-        for _ in 0..count {
-            records.push(T::take(self)?);
-        }
-        Ok(records)
-    }
-}
-
-/// A value in a file.
-trait Record: Sized {
-    /// The number of bytes; for values of different sizes the least.
-    const BYTES: u64;
-
-    fn put(&self, writer: &mut Writer) -> io::Result<()>;
-    fn take(reader: &mut Reader) -> Result<Self, SolutionFileError>;
-}
-
-macro_rules! number_record {
-    ($($number:ty),*) => {$(
-        impl Record for $number {
-            const BYTES: u64 = size_of::<$number>() as u64;
-
-            fn put(&self, writer: &mut Writer) -> io::Result<()> {
-                writer.bytes(&self.to_le_bytes())
-            }
-
-            fn take(reader: &mut Reader) -> Result<$number, SolutionFileError> {
-                reader.bytes().map(<$number>::from_le_bytes)
-            }
-        }
-    )*};
-}
-
-number_record!(u8, u32, u64, f32, f64);
-
-/// A record of several values in order.
-macro_rules! record {
-    ($name:ty, $make:expr, [$($field:ident: $kind:ty),*]) => {
-        impl Record for $name {
-            const BYTES: u64 = 0 $(+ <$kind as Record>::BYTES)*;
-
-            fn put(&self, writer: &mut Writer) -> io::Result<()> {
-                $(self.$field.put(writer)?;)*
-                Ok(())
-            }
-
-            fn take(reader: &mut Reader) -> Result<$name, SolutionFileError> {
-                $(let $field = <$kind>::take(reader)?;)*
-                Ok($make)
-            }
-        }
-    };
-}
-
-impl Record for bool {
-    const BYTES: u64 = 1;
-
-    fn put(&self, writer: &mut Writer) -> io::Result<()> {
-        u8::from(*self).put(writer)
-    }
-
-    fn take(reader: &mut Reader) -> Result<bool, SolutionFileError> {
-        match u8::take(reader)? {
-            0 => Ok(false),
-            1 => Ok(true),
-            _ => Err(SolutionFileError::Damaged),
-        }
-    }
-}
-
-impl Record for DVec3 {
-    const BYTES: u64 = 3 * f64::BYTES;
-
-    fn put(&self, writer: &mut Writer) -> io::Result<()> {
-        self.to_array().iter().try_for_each(|v| v.put(writer))
-    }
-
-    fn take(reader: &mut Reader) -> Result<DVec3, SolutionFileError> {
-        Ok(DVec3::new(f64::take(reader)?, f64::take(reader)?, f64::take(reader)?))
-    }
-}
-
-impl Record for Vec3 {
-    const BYTES: u64 = 3 * f32::BYTES;
-
-    fn put(&self, writer: &mut Writer) -> io::Result<()> {
-        self.to_array().iter().try_for_each(|v| v.put(writer))
-    }
-
-    fn take(reader: &mut Reader) -> Result<Vec3, SolutionFileError> {
-        Ok(Vec3::new(f32::take(reader)?, f32::take(reader)?, f32::take(reader)?))
-    }
-}
-
-impl<T: Record + Copy + Default, const N: usize> Record for [T; N] {
-    const BYTES: u64 = N as u64 * T::BYTES;
-
-    fn put(&self, writer: &mut Writer) -> io::Result<()> {
-        self.iter().try_for_each(|value| value.put(writer))
-    }
-
-    fn take(reader: &mut Reader) -> Result<[T; N], SolutionFileError> {
-        let mut values = [T::default(); N];
-        for value in &mut values {
-            *value = T::take(reader)?;
-        }
-        Ok(values)
-    }
-}
-
 impl Record for Outline {
     const BYTES: u64 = bool::BYTES + 3 * DVec3::BYTES;
 
@@ -337,7 +136,7 @@ impl Record for Outline {
         self.corners().iter().try_for_each(|corner| corner.put(writer))
     }
 
-    fn take(reader: &mut Reader) -> Result<Outline, SolutionFileError> {
+    fn take(reader: &mut Reader) -> Result<Outline, StateFileError> {
         let is_quad = bool::take(reader)?;
         let corners = [DVec3::take(reader)?, DVec3::take(reader)?, DVec3::take(reader)?];
         let [a, b, c] = corners;
@@ -354,13 +153,13 @@ impl Record for RadiosityMethod {
         writer.bytes(self.name().as_bytes())
     }
 
-    fn take(reader: &mut Reader) -> Result<RadiosityMethod, SolutionFileError> {
+    fn take(reader: &mut Reader) -> Result<RadiosityMethod, StateFileError> {
         let mut name = Vec::new();
         for _ in 0..u8::take(reader)? {
             name.push(u8::take(reader)?);
         }
         let name = std::str::from_utf8(&name).ok();
-        name.and_then(RadiosityMethod::from_name).ok_or(SolutionFileError::Damaged)
+        name.and_then(RadiosityMethod::from_name).ok_or(StateFileError::Damaged)
     }
 }
 
@@ -426,7 +225,7 @@ impl Record for RootPlace {
         is_outer.put(writer)
     }
 
-    fn take(reader: &mut Reader) -> Result<RootPlace, SolutionFileError> {
+    fn take(reader: &mut Reader) -> Result<RootPlace, StateFileError> {
         let mut number = || u32::take(reader);
         let (instance, primitive, part, element) = (number()?, number()?, number()?, number()?);
         Ok((instance, primitive, bool::take(reader)?, part, element))

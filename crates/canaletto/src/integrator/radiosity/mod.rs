@@ -42,7 +42,6 @@ mod sources;
 mod tests;
 mod transport;
 
-pub use file::SolutionFileError;
 pub use fingerprint::{ChangedInputs, SolutionFingerprint, SolutionInput};
 pub(crate) use interpolation::{BlendedLight, blended};
 pub use meter::RadiosityMeter;

@@ -56,11 +56,11 @@ impl RadianceSample {
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
     /// The point that the directions lead from.
-    pivot: DVec3,
+    pub(super) pivot: DVec3,
     /// The mixture there.
-    at_pivot: LocalMixture,
+    pub(super) at_pivot: LocalMixture,
     /// The inverse of each lobe's distance.
-    inverse_distances: Lanes,
+    pub(super) inverse_distances: Lanes,
 }
 
 /// Numbers of all lobes, side by side.
@@ -70,12 +70,12 @@ type Lanes = [f32; LOBES];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LocalMixture {
     /// The lobes' shares.
-    shares: Lanes,
+    pub(super) shares: Lanes,
     /// The components of their mean directions.
-    means: [Lanes; 3],
-    kappas: Lanes,
+    pub(super) means: [Lanes; 3],
+    pub(super) kappas: Lanes,
     /// Their densities in the mean directions: κ / (2π (1 − e^−2κ)).
-    peaks: Lanes,
+    pub(super) peaks: Lanes,
 }
 
 #[derive(Clone, Copy, Debug, Default)]

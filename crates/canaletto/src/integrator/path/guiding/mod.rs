@@ -11,6 +11,7 @@
 //! Deviations: Each round makes its cells and mixtures anew from the records of that round, which all lie in memory.
 //! The guiding probability is the one of a few that would have given the records the least second moment.
 
+mod file;
 mod mixture;
 mod recorder;
 
@@ -35,9 +36,9 @@ const TRAINING_PROBABILITY: f64 = 0.5;
 /// The guiding probabilities that a cell can have.
 const PROBABILITIES: [f64; 3] = [0.0, 0.25, 0.5];
 
-/// The density of directions at each point of space.
-#[derive(Debug)]
-pub(crate) struct GuidingField {
+/// The density of directions at each point of space, which path guiding learnt. One without cells guides nowhere.
+#[derive(Debug, Default)]
+pub struct GuidingField {
     /// The nodes of a tree of divisions, the root first.
     nodes: Vec<Node>,
     leaves: Vec<GuidingLeaf>,
@@ -161,7 +162,7 @@ impl GuidingField {
     }
 
     /// The number of cells that guide.
-    pub(crate) fn cell_count(&self) -> usize {
+    pub fn cell_count(&self) -> usize {
         self.leaves.len()
     }
 

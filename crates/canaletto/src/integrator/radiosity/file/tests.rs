@@ -4,6 +4,7 @@ use super::super::fingerprint::SolutionInput;
 use super::super::*;
 use crate::WordHash;
 use crate::camera::Camera;
+use crate::integrator::StateFileError;
 use crate::light::environment::{Environment, EnvironmentKind, Smoothing};
 use crate::light::{Light as SceneLight, LightKind, Omni};
 use crate::material::{Material, Parameter, Phong, Target, TextureUse};
@@ -95,7 +96,7 @@ fn file_of(fingerprint: &SolutionFingerprint, solution: &RadiositySolution) -> V
     file
 }
 
-fn read(file: &[u8]) -> Result<(SolutionFingerprint, RadiositySolution), SolutionFileError> {
+fn read(file: &[u8]) -> Result<(SolutionFingerprint, RadiositySolution), StateFileError> {
     RadiositySolution::read(file, file.len() as u64)
 }
 
@@ -285,7 +286,7 @@ fn other_files_are_refused_with_their_reason() {
     }
     // A transfer as text makes a single line feed of both characters.
     let as_text: Vec<u8> = file.iter().enumerate().filter(|(i, _)| *i != 4).map(|(_, byte)| *byte).collect();
-    assert!(matches!(read(&as_text), Err(SolutionFileError::Foreign)));
+    assert!(matches!(read(&as_text), Err(StateFileError::Foreign { .. })));
     let mut newer = file.clone();
     let version = u32::from(newer[8]);
     newer[8] += 1;
@@ -295,13 +296,13 @@ fn other_files_are_refused_with_their_reason() {
     );
     for length in 8..file.len() {
         let error = read(&file[..length]).unwrap_err();
-        assert!(matches!(error, SolutionFileError::CutOff | SolutionFileError::Damaged), "{length}: {error}");
+        assert!(matches!(error, StateFileError::CutOff | StateFileError::Damaged), "{length}: {error}");
         // The file became shorter while it was read.
         let error = RadiositySolution::read(&file[..length], file.len() as u64).unwrap_err();
-        assert!(matches!(error, SolutionFileError::CutOff), "{length}: {error}");
+        assert!(matches!(error, StateFileError::CutOff), "{length}: {error}");
     }
     let longer = [&file[..], b"more"].concat();
-    assert!(matches!(read(&longer), Err(SolutionFileError::Damaged)));
+    assert!(matches!(read(&longer), Err(StateFileError::Damaged)));
 }
 
 /// A file of this version is read, and written again as it is. Other bytes are another version of the format: raise it,
@@ -358,7 +359,7 @@ fn counts_are_checked_before_memory_is_taken() {
         file[at..at + 8].copy_from_slice(&wrong.to_le_bytes());
         let mut endless = Endless(&file, 0);
         let length = file.len() as u64;
-        assert!(matches!(RadiositySolution::read(&mut endless, length), Err(SolutionFileError::CutOff)));
+        assert!(matches!(RadiositySolution::read(&mut endless, length), Err(StateFileError::CutOff)));
         assert!(endless.1 < 1 << 16);
     }
 }
