@@ -4,7 +4,7 @@
 use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics, reason};
 use crate::interrupt;
-use crate::output::{window, write_seekable};
+use crate::output::{window, write_seekable, write_with};
 use crate::partial::UNFINISHED;
 use crate::passes::{TakesCheckpoints, time};
 use crate::progress::{Style, emit};
@@ -17,6 +17,7 @@ use clap::Args;
 use serde_json::json;
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -88,6 +89,8 @@ pub(crate) struct CheckpointPlace {
     /// The time between two, if it was given.
     every: Option<Duration>,
     is_asked_for: bool,
+    /// Whether frames one after the other have this file.
+    is_of_frames: bool,
     lock: Mutex<Option<Lock>>,
 }
 
@@ -100,20 +103,34 @@ pub(crate) struct Found {
 
 impl CheckpointFlags {
     /// The file of the checkpoints of a picture; none if there are none. `picture` is the picture's own file, if a file
-    /// can lie beside it.
-    pub(crate) fn place(&self, picture: Option<&Path>) -> Option<CheckpointPlace> {
+    /// can lie beside it. `is_film`: it is the film of many.
+    pub(crate) fn place(&self, picture: Option<&Path>, is_film: bool) -> Option<CheckpointPlace> {
         let path = match &self.checkpoint {
             Some(off) if off == Path::new("off") => return None,
             Some(file) => file.clone(),
             None => beside(picture?, 1),
         };
         let (every, is_asked_for) = (self.checkpoint_every, self.checkpoint.is_some());
-        Some(CheckpointPlace { path, every, is_asked_for, lock: Mutex::default() })
+        let is_of_frames = is_asked_for || is_film;
+        Some(CheckpointPlace { path, every, is_asked_for, is_of_frames, lock: Mutex::default() })
+    }
+
+    /// Whether checkpoints are made after so much time, if there are any.
+    pub(crate) fn is_due(&self, elapsed: Duration) -> bool {
+        match &self.checkpoint {
+            Some(file) => file != Path::new("off"),
+            None => elapsed >= self.checkpoint_every.unwrap_or(EVERY).max(BY_ITSELF_AFTER),
+        }
     }
 
     /// The file that is asked for.
     pub(crate) fn file(&self) -> Option<PathBuf> {
         self.checkpoint.clone().filter(|file| file != Path::new("off"))
+    }
+
+    /// The files that are asked for: that of the samples, and that of what was prepared.
+    pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.file().into_iter().flat_map(|file| [file.with_extension("state"), file])
     }
 }
 
@@ -143,7 +160,7 @@ impl CheckpointPlace {
             }
             let found = SampleFile::open("checkpoint", &self.path).and_then(|file| {
                 let of_file = file.text("frame").and_then(|frame| frame.parse().ok());
-                let frame = of_file.filter(|_| self.is_asked_for).unwrap_or(job.frame);
+                let frame = of_file.filter(|_| self.is_of_frames).unwrap_or(job.frame);
                 file.belongs_to(&Job { frame, ..job.clone() }, texts)?;
                 // A frame before this one was finished, and its checkpoint is obsolete.
                 if frame != job.frame {
@@ -180,6 +197,16 @@ impl CheckpointPlace {
             *lock = Some(Lock::of(&self.path)?);
         }
         Ok(())
+    }
+
+    /// Whether this render has the file.
+    fn is_locked(&self) -> bool {
+        self.lock.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// The file of what was prepared, which is made once.
+    fn prepared_file(&self) -> PathBuf {
+        self.path.with_extension("state")
     }
 
     /// The file's path.
@@ -221,7 +248,12 @@ pub(crate) struct CheckpointWriter<'a> {
     start: Instant,
     spent_before: Duration,
     state: Mutex<WriterState>,
+    /// What writes the file of what was prepared, until it is written.
+    prepared: Mutex<Option<PreparedWriter<'a>>>,
 }
+
+/// Writes what an integrator prepared.
+type PreparedWriter<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + Send + 'a>;
 
 struct WriterState {
     /// When the next checkpoint is due; none while one is made.
@@ -244,7 +276,45 @@ impl<'a> CheckpointWriter<'a> {
         let every = place.every.unwrap_or(EVERY);
         let first = if place.is_asked_for || is_there { every } else { every.max(BY_ITSELF_AFTER) };
         let state = Mutex::new(WriterState { due: Some(Instant::now() + first), is_written: is_there });
-        CheckpointWriter { place, job, texts, style, is_quiet, start: Instant::now(), spent_before, state }
+        let (start, prepared) = (Instant::now(), Mutex::default());
+        CheckpointWriter { place, job, texts, style, is_quiet, start, spent_before, state, prepared }
+    }
+
+    /// The file of what was prepared, beside the checkpoint.
+    pub(crate) fn prepared_file(&self) -> PathBuf {
+        self.place.prepared_file()
+    }
+
+    /// Keeps what was prepared, which `write` writes: at once if checkpoints are asked for or if it took long, else with
+    /// the first checkpoint.
+    pub(crate) fn keep_prepared(&self, write: impl Fn(&mut dyn Write) -> io::Result<()> + Send + 'a) {
+        *self.prepared.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(write));
+        if (self.place.is_asked_for || self.start.elapsed() >= BY_ITSELF_AFTER)
+            && let Err(failure) = self.place.lock().and_then(|()| self.write_prepared())
+        {
+            self.warn(&failure, false);
+        }
+    }
+
+    fn write_prepared(&self) -> Result<(), Failure> {
+        let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(write) = &*prepared else { return Ok(()) };
+        let options = WriteOptions { durable: true, ..WriteOptions::default() };
+        write_with(&self.place.prepared_file(), options, |out| write(out))?;
+        *prepared = None;
+        Ok(())
+    }
+
+    /// Warns that something couldn't be written.
+    fn warn(&self, failure: &Failure, has_checkpoint: bool) {
+        if let Failure::Message { message, .. } = failure
+            && !self.is_quiet
+        {
+            let kept = if has_checkpoint { "the last one is kept, and " } else { "" };
+            let warning = Diagnostic::warning("--checkpoint", message.clone());
+            let warning = warning.help(format!("{kept}the render goes on"));
+            print_diagnostics(&warning.into(), self.style == Style::Json);
+        }
     }
 
     /// Writes the last checkpoint of a render that ends early. Returns its file, if checkpoints were asked for or had
@@ -262,6 +332,9 @@ impl<'a> CheckpointWriter<'a> {
     pub(crate) fn remove(&self) {
         if self.state.lock().unwrap_or_else(PoisonError::into_inner).is_written {
             let _ = fs::remove_file(&self.place.path);
+        }
+        if self.place.is_locked() {
+            let _ = fs::remove_file(self.place.prepared_file());
         }
     }
 
@@ -306,7 +379,7 @@ impl TakesCheckpoints for CheckpointWriter<'_> {
     /// Writes a checkpoint. Where it can't be written, the last one stays, and the render goes on.
     fn take(&self, checkpoint: &Checkpoint) {
         let start = Instant::now();
-        let written = self.place.lock().and_then(|()| self.write_file(checkpoint));
+        let written = self.place.lock().and_then(|()| self.write_prepared()).and_then(|()| self.write_file(checkpoint));
         let pause = self.place.every.unwrap_or_else(|| EVERY.max(start.elapsed() * LEAST_PAUSE));
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.due = Some(Instant::now() + pause);
@@ -318,12 +391,7 @@ impl TakesCheckpoints for CheckpointWriter<'_> {
                     emit(&json!({ "event": "checkpoint", "file": self.place.path, "samples": samples }));
                 }
             }
-            Err(Failure::Message { message, .. }) if !self.is_quiet => {
-                let kept = if state.is_written { "the last one is kept, and " } else { "" };
-                let warning = Diagnostic::warning("--checkpoint", message).help(format!("{kept}the render goes on"));
-                print_diagnostics(&warning.into(), self.style == Style::Json);
-            }
-            Err(_) => {}
+            Err(failure) => self.warn(&failure, state.is_written),
         }
     }
 }

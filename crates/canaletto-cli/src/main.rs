@@ -18,6 +18,7 @@ mod failure;
 mod flags;
 mod format;
 mod frames;
+mod guiding_file;
 mod inputs;
 mod instructions;
 mod interrupt;
@@ -56,7 +57,7 @@ use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
     bake, check, compare, compare_methods, completions, convert, denoise, explain, form_factor, grade, info, ladder,
-    man, measure, merge, render,
+    man, measure, merge, prepare, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -112,6 +113,7 @@ enum Command {
     Convert(Box<convert::ConvertFlags>),
     Denoise(denoise::DenoiseFlags),
     Merge(merge::MergeFlags),
+    Prepare(Box<prepare::PrepareFlags>),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -158,6 +160,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Convert(flags) => convert::run(flags),
         Command::Denoise(flags) => denoise::run(flags),
         Command::Merge(flags) => merge::run(flags),
+        Command::Prepare(flags) => prepare::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),
@@ -174,6 +177,7 @@ impl Command {
     fn speaks_json(&self) -> bool {
         let progress = match self {
             Command::Render(flags) => flags.progress,
+            Command::Prepare(flags) => flags.progress,
             Command::CompareMethods(flags) => flags.messages.progress,
             Command::Ladder(flags) => flags.messages.progress,
             Command::Grade(flags) => flags.messages.progress,

@@ -1,6 +1,7 @@
 //! `--part K/N`: a part of a growing picture, which `canaletto merge` joins with the others to the bytes of one render.
 
 use crate::failure::Failure;
+use crate::frames::Frames;
 use canaletto::render::Job;
 use canaletto::scene::Sampling;
 use canaletto_io::picture::MAX_PIXELS;
@@ -14,12 +15,12 @@ pub(crate) struct PartFlags {
     /// Renders part K of N of a growing picture into an EXR, for canaletto merge
     ///
     /// The parts may be made by any machines in any order. Denoising and tone come when they are merged, and the bytes
-    /// are those of one render.
+    /// are those of one render. A part that is there already is kept. With --split frames a part is some of the frames.
     #[arg(long, value_name = "K/N", value_parser = part, help_heading = "Sampling")]
     pub part: Option<Part>,
 
     /// Sets what the parts share among them [default: samples]
-    #[arg(long, value_name = "HOW", requires = "part", help_heading = "Sampling")]
+    #[arg(long, value_name = "HOW", help_heading = "Sampling")]
     pub split: Option<Split>,
 }
 
@@ -38,6 +39,8 @@ pub(crate) enum Split {
     Samples,
     /// Each part has some rows of pixels, and all of their samples
     Tiles,
+    /// Each part has some frames of numbered pictures. They need no merge, unless a film is made of them
+    Frames,
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -72,22 +75,53 @@ const ROWS: u32 = 8;
 const BLOCKS: u32 = 8;
 
 impl PartFlags {
+    /// Whether the render is a part of a picture.
+    pub(crate) fn is_of_picture(&self) -> bool {
+        self.part.is_some() && self.split != Some(Split::Frames)
+    }
+
+    /// Checks that the flags suit each other, and the frames that are asked for.
+    pub(crate) fn check(&self, has_frames: bool) -> Result<(), Failure> {
+        match self {
+            PartFlags { part: None, split: Some(_) } => Err(Failure::usage(
+                "--split says what parts share, but no part \
+                is asked for",
+            )
+            .help("add --part, such as --part 1/8")),
+            PartFlags { part: Some(part), split: Some(Split::Frames) } if !has_frames => {
+                let failure = Failure::usage(format!("--part {part} --split frames: there is one picture"));
+                Err(failure.help("add --frames, such as --frames all, or leave --split out"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The frames of the part.
+    pub(crate) fn frames(&self, all: Frames) -> Result<Frames, Failure> {
+        let (Some(part), Some(Split::Frames)) = (self.part, self.split) else { return Ok(all) };
+        let count = all.count() as u32; // A run has at most a million frames.
+        let [from, to] = share(part, count);
+        let frame = |index: u32| all.first + index * all.step;
+        match from == to {
+            true => Err(too_many(part, &format!("there are {count} frames"))),
+            false => Ok(Frames { first: frame(from), last: frame(to - 1), ..all }),
+        }
+    }
+
     /// The part of a job.
     pub(crate) fn cut(&self, job: &Job) -> Result<Option<Cut>, Failure> {
         let Some(part) = self.part else { return Ok(None) };
         let (area, first, count) = (job.window(), job.first_sample, job.film.sampling.count());
         let whole = Cut { samples: [first, first + count], area, of_samples: [first, first + count], of_area: area };
-        let too_many = |what: &str| {
-            Failure::usage(format!("--part {part}: there are fewer parts than that: {what}")).help("make fewer parts")
-        };
         Ok(Some(match self.split.unwrap_or_default() {
+            Split::Frames => return Ok(None),
             Split::Samples => {
                 // The largest power of two of samples of which each part gets some.
                 let block = (count / part.count.saturating_mul(BLOCKS)).max(1);
                 let block = 1 << block.ilog2();
                 let [from, to] = share(part, count.div_ceil(block)).map(|at| (at * block).min(count));
                 if from == to {
-                    return Err(too_many(&format!("the picture has {count} samples")));
+                    return Err(too_many(part, &format!("the picture has {count} samples")));
                 }
                 Cut { samples: [first + from, first + to], ..whole }
             }
@@ -95,12 +129,19 @@ impl PartFlags {
                 let [x, y, width, height] = area;
                 let [from, to] = share(part, height.div_ceil(ROWS)).map(|at| (at * ROWS).min(height));
                 if from == to {
-                    return Err(too_many(&format!("the picture has {height} rows, which are cut at each eighth")));
+                    return Err(too_many(
+                        part,
+                        &format!("the picture has {height} rows, which are cut at each eighth"),
+                    ));
                 }
                 Cut { area: [x, y + from, width, to - from], ..whole }
             }
         }))
     }
+}
+
+fn too_many(part: Part, what: &str) -> Failure {
+    Failure::usage(format!("--part {part}: there are fewer parts than that: {what}")).help("make fewer parts")
 }
 
 /// The things of a part, of `all`: from the first to the one after the last.
@@ -173,6 +214,22 @@ mod tests {
     use canaletto::camera::Camera;
     use canaletto::scene::{Extrinsics, FilmSettings, Intrinsics, PathSettings};
 
+    /// Parts of frames follow each other, with the step of all.
+    #[test]
+    fn parts_of_frames_are_all_frames() {
+        for (first, last, step, count) in [(1, 100, 1, 8), (3, 50, 4, 5), (7, 7, 1, 1), (0, 999_999, 1, 1000)] {
+            let all = Frames::new(first, last, step).unwrap();
+            let parts = (1..=count).flat_map(|number| {
+                let flags = PartFlags { part: Some(Part { number, count }), split: Some(Split::Frames) };
+                flags.frames(all).unwrap().iter()
+            });
+            assert!(parts.eq(all.iter()), "{all}");
+        }
+        let flags = PartFlags { part: Some(Part { number: 2, count: 3 }), split: Some(Split::Frames) };
+        assert!(flags.frames(Frames::one(4)).is_err());
+        assert!(flags.check(false).is_err() && flags.check(true).is_ok());
+    }
+
     /// The parts of any number follow each other, and are about equal.
     #[test]
     fn parts_are_the_whole() {
@@ -192,7 +249,7 @@ mod tests {
                     };
                     let [from, to] = match split {
                         Split::Samples => cut.samples,
-                        Split::Tiles => [cut.area[1], cut.area[1] + cut.area[3]],
+                        _ => [cut.area[1], cut.area[1] + cut.area[3]],
                     };
                     assert_eq!(from, at);
                     (at, least, most) = (to, least.min(to - from), most.max(to - from));

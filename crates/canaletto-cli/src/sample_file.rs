@@ -3,9 +3,10 @@
 use crate::digest::{Digest, FileChange, UsedFile, changed_file, text_of_files};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::part::PART;
+use crate::part::{PART, PICTURE_TEXTS};
 use crate::partial::UNFINISHED;
 use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE};
+use crate::told_developing::METERED_EXPOSURE;
 use canaletto::Named;
 use canaletto::film::SampleBlocks;
 use canaletto::render::{Aov, Job, Rendering};
@@ -18,7 +19,7 @@ pub(crate) const SCENE_DIGEST: &str = "scene-digest";
 pub(crate) const SCENE_FILES: &str = "scene-files";
 
 /// The texts that say whether samples belong together: another value of one means other samples.
-const TELLING: [&str; 18] = [
+const TELLING: [&str; 17] = [
     "Software",
     "size",
     "crop",
@@ -36,7 +37,6 @@ const TELLING: [&str; 18] = [
     "filter",
     "clamp",
     "set",
-    SCENE_DIGEST,
 ];
 
 /// The digest of the contents of a scene's files and of the values set in it, and the hash of each file.
@@ -84,32 +84,10 @@ impl<'f> SampleFile<'f> {
 
     /// Checks that the samples are those of a render with these texts.
     pub(crate) fn belongs_to(&self, job: &Job, texts: &[(String, String)]) -> Result<(), Failure> {
-        let mut own = texts.to_vec();
-        own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
-        let settings = job.description().settings().into_iter().map(|(key, _)| key);
-        for key in TELLING.into_iter().chain(settings) {
-            let (theirs, own) = (self.text(key), text_of(&own, key));
-            if theirs != own {
-                let [theirs, own] = [theirs, own].map(|text| text.unwrap_or_else(|| "none".to_owned()));
-                return Err(match key {
-                    SCENE_DIGEST => {
-                        let [now, then] =
-                            [text_of(texts, SCENE_FILES), self.text(SCENE_FILES)].map(Option::unwrap_or_default);
-                        self.failed(match changed_file(&now, &then) {
-                            Some(FileChange::Edited(name)) => format!("{name} has changed since it was rendered"),
-                            Some(FileChange::Added(name)) => {
-                                format!("the scene names {name}, which it didn't when it was rendered")
-                            }
-                            Some(FileChange::Removed(name)) => format!("the scene named {name} when it was rendered"),
-                            None => "the scene has changed since it was rendered".into(),
-                        })
-                    }
-                    "Software" => self.failed(format!("it was made by {theirs}, and this is {own}")),
-                    _ => self.failed(format!("its {key} is {theirs}, not {own}")),
-                }
-                .help("its samples belong to another picture; render this one from its first sample on"));
-            }
-        }
+        check_texts(&self.decoded.metadata, (job, texts), &TELLING, &|message| {
+            let help = "its samples belong to another picture; render this one from its first sample on";
+            self.failed(message).help(help)
+        })?;
         if self.text("sampling").is_some_and(|sampling| sampling.contains("centre")) {
             return Err(self.failed("its single sample goes through the pixel's centre, where several don't".into()));
         }
@@ -130,6 +108,42 @@ impl<'f> SampleFile<'f> {
         self.failed(format!("it has {least} samples in each pixel already, and --samples asks for {wanted}"))
             .help(format!("give more, such as --samples {}", 2 * u64::from(least)))
     }
+}
+
+/// Checks that the texts of a file, `theirs`, are those of a render where it matters: in `keys`, in the integrator's
+/// settings and in the scene. `failed` makes the error of a difference.
+pub(crate) fn check_texts(
+    theirs: &[(String, String)],
+    (job, texts): (&Job, &[(String, String)]),
+    keys: &[&'static str],
+    failed: &dyn Fn(String) -> Failure,
+) -> Result<(), Failure> {
+    let mut own = texts.to_vec();
+    own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
+    let settings = job.description().settings().into_iter().map(|(key, _)| key);
+    for key in keys.iter().copied().chain(settings).chain([SCENE_DIGEST]) {
+        let (their, own) = (text_of(theirs, key), text_of(&own, key));
+        if their == own {
+            continue;
+        }
+        let [their, own] = [their, own].map(|text| text.unwrap_or_else(|| "none".to_owned()));
+        return Err(failed(match key {
+            SCENE_DIGEST => {
+                let [now, then] = [texts, theirs].map(|texts| text_of(texts, SCENE_FILES).unwrap_or_default());
+                match changed_file(&now, &then) {
+                    Some(FileChange::Edited(name)) => format!("{name} has changed since it was rendered"),
+                    Some(FileChange::Added(name)) => {
+                        format!("the scene names {name}, which it didn't when it was rendered")
+                    }
+                    Some(FileChange::Removed(name)) => format!("the scene named {name} when it was rendered"),
+                    None => "the scene has changed since it was rendered".into(),
+                }
+            }
+            "Software" => format!("it was made by {their}, and this is {own}"),
+            _ => format!("its {key} is {their}, not {own}"),
+        }));
+    }
+    Ok(())
 }
 
 /// A text of a file.
@@ -159,6 +173,22 @@ pub(crate) fn samples_of_file(
         return Err(file.has_enough(least, wanted));
     }
     Ok(samples)
+}
+
+/// Whether a file is the finished part of a picture, with the samples of a job. The texts of one that is rendered now
+/// are `texts`.
+pub(crate) fn is_part_of(file: &Path, job: &Job, texts: &[(String, String)]) -> bool {
+    let of_picture = |texts: &[(String, String)]| {
+        let of_json = |text: String| serde_json::from_str::<Vec<(String, String)>>(&text).ok();
+        let mut texts = text_of(texts, PICTURE_TEXTS).and_then(of_json).unwrap_or_default();
+        texts.retain(|(key, _)| ![METERED_EXPOSURE, "scene", SCENE_FILES].contains(&key.as_str()));
+        texts
+    };
+    SampleFile::open("--part", file).is_ok_and(|file| {
+        file.text(UNFINISHED).is_none()
+            && file.belongs_to(job, texts).is_ok()
+            && of_picture(&file.decoded.metadata) == of_picture(texts)
+    })
 }
 
 /// The text of a file that tells how many samples its pixels have.

@@ -4,8 +4,8 @@ use crate::exit::Exit;
 use crate::failure::{Failure, reason};
 use crate::output::{check_files, write_with};
 use canaletto::Named;
-use canaletto::integrator::describe;
-use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution, SolutionFileError, SolutionFingerprint};
+use canaletto::integrator::radiosity::{RadiosityError, RadiositySolution, SolutionFingerprint};
+use canaletto::integrator::{StateFileError, describe};
 use canaletto::render::{Job, JobError, Observer};
 use canaletto::scene::{Integrator, RadiositySettings, Scene};
 use canaletto::world::World;
@@ -128,6 +128,16 @@ impl Solutions {
         self.flags.save_solution.is_some() && !self.is_saved
     }
 
+    /// Takes the solution of a file, if it is that of a scene, and none is there.
+    pub(crate) fn take_from(&mut self, file: &Path, scene: &SolutionFingerprint) {
+        if self.kept.is_none()
+            && let Ok((fingerprint, solution)) = read(file)
+            && fingerprint.check(scene).is_ok()
+        {
+            self.kept = Some((fingerprint, solution));
+        }
+    }
+
     /// Checks that the solution that was read or saved is that of a scene.
     pub(crate) fn check(&self, scene: &SolutionFingerprint) -> Result<(), Failure> {
         let Some(Err(changed)) = self.kept.as_ref().map(|(solved, _)| solved.check(scene)) else { return Ok(()) };
@@ -208,7 +218,7 @@ fn read(path: &Path) -> Result<(SolutionFingerprint, Arc<RadiositySolution>), Fa
     }
     match RadiositySolution::read(file, metadata.len()) {
         Ok((fingerprint, solution)) => Ok((fingerprint, Arc::new(solution))),
-        Err(SolutionFileError::Unreadable(e)) => Err(failed(&reason(&e))),
+        Err(StateFileError::Unreadable(e)) => Err(failed(&reason(&e))),
         Err(error) => Err(failed(&error.to_string()).help("make a new one with --save-solution")),
     }
 }

@@ -80,15 +80,18 @@ fn a_killed_picture_is_taken_up_by_the_same_command() {
     let mut random = SplitMix(7);
     let mut ended = 0;
     for (name, flags) in [
-        ("path", "--integrator path --samples 700"),
-        ("noise", "--integrator path --samples 4096 --noise 0.02 --denoise=fast"),
-        ("classic", "--samples 3000 --size 96x72"),
-        ("film.##", "--integrator path --samples 200 --frames 1-3"),
+        ("path?.exr", "--integrator path --samples 700"),
+        ("noise?.exr", "--integrator path --samples 4096 --noise 0.03 --denoise=fast"),
+        ("classic?.exr", "--samples 2000 --size 96x72"),
+        ("radiosity?.exr", "--integrator radiosity --set integrator.error=0.4 --progressive --samples 100"),
+        ("frames.##?.exr", "--integrator path --samples 200 --frames 1-3"),
+        ("guided?.exr", "--integrator path --set integrator.guiding=on --samples 200"),
+        ("film?.apng", "--integrator path --samples 200 --frames 1-4"),
     ] {
         let run = format!("render s.kdl -q {flags} --checkpoint c.exr --checkpoint-every 15ms");
-        folder.says(&format!("{run} -o {name}.whole.exr"), 0, &[]);
-        ended +=
-            run_through(&folder, &format!("{run} -o {name}.exr"), &["-KILL", "-KILL", "-TERM", "-INT"], &mut random);
+        folder.says(&format!("{run} -o {}", name.replace('?', ".whole")), 0, &[]);
+        let own = format!("{run} -o {}", name.replace('?', ""));
+        ended += run_through(&folder, &own, &["-KILL", "-KILL", "-TERM", "-INT"], &mut random);
         for entry in fs::read_dir(folder.path("")).unwrap() {
             let path = entry.unwrap().path();
             let file = path.file_name().unwrap().to_str().unwrap();
@@ -98,7 +101,8 @@ fn a_killed_picture_is_taken_up_by_the_same_command() {
                 fs::remove_file(&path).unwrap();
             }
         }
-        assert!(!folder.path("c.exr").exists(), "{name}: a finished picture has no checkpoint");
+        let rest = ["c.exr", "c.state", "film.frames"].iter().any(|rest| folder.path(rest).exists());
+        assert!(!rest, "{name}: a finished picture has no checkpoint");
     }
     assert!(ended > 10, "{ended} ends");
 }

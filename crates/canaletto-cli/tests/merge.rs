@@ -137,3 +137,118 @@ fn what_has_no_parts_is_told() {
         folder.says(&format!("render s.kdl {flags}"), 2, &[said]);
     }
 }
+
+/// A ball that falls, as paths.
+const FILM: &str = r#"
+    camera { eye 0 1 5; center 0 0.8 0; fovy 40; size 32 24 }
+    integrator "path"
+    film { exposure "auto" }
+    animation { frames 1 7; fps 10; keys "seconds" }
+    material "wall" { kd 0.7 0.6 0.5 }
+    material "lamp" { kd 0; emission 8 }
+    box material="wall" { min -2 -0.1 -2; max 2 0 2 }
+    sphere material="wall" { center 0 0.7 0; radius 0.7; translate { key 0 0 0 0; key 0.6 0 1 0 } }
+    sphere material="lamp" { center 1 3 2; radius 0.4 }
+"#;
+
+/// Frames in parts make the film of one render, whatever the format.
+#[test]
+fn frames_make_a_film() {
+    let folder = Folder::new("s.kdl", FILM);
+    for flags in ["--samples 4 --frames all", "--samples 2 --frames 2-7x2 --background none --tone clamp"] {
+        let _ = fs::remove_dir_all(folder.path("frames"));
+        for part in ["3/3", "1/3", "2/3"] {
+            let parts = format!("--part {part} --split frames -o frames/shot.####.png --mkdir");
+            folder.says(&format!("render s.kdl {flags} {parts}"), 0, &["render"]);
+        }
+        for format in ["gif", "apng"] {
+            if format == "gif" && flags.contains("--background none") {
+                folder.says("merge frames -o x.gif", 2, &["GIF has no alpha"]);
+                continue;
+            }
+            folder.says(&format!("render s.kdl -q {flags} -o whole.{format}"), 0, &[]);
+            folder.says(&format!("merge frames -o merged.{format}"), 0, &["frames, 10 a second"]);
+            same(&folder, &format!("merged.{format}"), &format!("whole.{format}"), flags);
+        }
+    }
+    for (command, exit, words) in [
+        ("merge frames/shot.0002.png frames/shot.0002.png -o x.gif", 11, &["are both frame 2"][..]),
+        ("render s.kdl -q --samples 3 --frames 4 -o other.####.png", 0, &[]),
+        ("merge frames/shot.0002.png other.0004.png -o x.gif", 14, &["another film", "sampling"]),
+        ("merge s.kdl -o x.gif", 16, &["s.kdl"]),
+        ("render s.kdl --samples 4 --split frames -o x.png", 2, &["--part 1/8"]),
+        ("render s.kdl --samples 4 --part 1/2 --split frames -o x.png", 2, &["--frames all"]),
+        ("render s.kdl --samples 4 --frames all --part 1/8 --split frames -o x.####.png", 2, &["there are 7 frames"]),
+        ("render s.kdl --samples 4 --frames all --part 1/2 --split frames -o x.gif", 2, &["canaletto merge"]),
+    ] {
+        folder.says(command, exit, words);
+    }
+    let more = "render s.kdl -q --frames 3-7x2 --samples 2 --background none --tone clamp -o frames/shot.####.png";
+    folder.says(more, 0, &[]);
+    fs::remove_file(folder.path("frames/shot.0004.png")).unwrap();
+    fs::remove_file(folder.path("frames/shot.0005.png")).unwrap();
+    folder.says("merge frames -o x.apng", 10, &["frames are missing: 4 to 5", "--partial"]);
+    folder.says("merge frames --partial --fps 5 -o x.apng", 0, &["4 frames, 5 a second"]);
+}
+
+/// A part that is there already isn't rendered again, unless it is another one.
+#[test]
+fn finished_parts_are_kept() {
+    let folder = Folder::new("s.kdl", SCENE);
+    let command = "render s.kdl --samples 16 --part 1/2 -o p.exr";
+    folder.says(command, 0, &["8 samples"]);
+    folder.says(command, 0, &["0 frames rendered, 1 complete before"]);
+    folder.says(&format!("{command} --force"), 0, &["samples"]);
+    for other in ["--samples 16 --part 2/2", "--samples 16 --part 1/2 --seed 2", "--samples 32 --part 1/2"] {
+        folder.says(&format!("render s.kdl {other} -o p.exr"), 0, &["samples"]);
+        folder.says(command, 0, &["samples"]);
+    }
+    let text = fs::read_to_string(folder.path("s.kdl")).unwrap();
+    fs::write(folder.path("s.kdl"), text.replace("radius 0.7", "radius 0.6")).unwrap();
+    folder.says(command, 0, &["samples"]);
+    let mut bytes = fs::read(folder.path("p.exr")).unwrap();
+    let at = bytes.len() - 100;
+    bytes[at] ^= 1;
+    fs::write(folder.path("p.exr"), bytes).unwrap();
+    folder.says(command, 0, &["samples"]);
+}
+
+/// What is prepared once serves all parts, and changes no byte.
+#[test]
+fn prepared_parts_make_the_same_bytes() {
+    let folder = Folder::new("s.kdl", SCENE);
+    for (flags, kind) in [
+        ("--set integrator.guiding=on --samples 24 --denoise", "path guiding"),
+        ("--integrator radiosity --set integrator.error=0.3 --samples 8 --progressive", "solution of radiosity"),
+    ] {
+        let of_scene = flags.split(" --samples").next().unwrap();
+        folder.says(&format!("prepare s.kdl {of_scene} -o s.state"), 0, &[kind]);
+        for part in ["1/3", "2/3", "3/3"] {
+            let name = format!("p{}.exr", &part[..1]);
+            folder.says(&format!("render s.kdl -q {flags} --prepared s.state --part {part} -o {name}"), 0, &[]);
+        }
+        folder.says("merge -q p1.exr p2.exr p3.exr -o merged.exr", 0, &[]);
+        folder.says(&format!("render s.kdl -q {flags} -o whole.exr"), 0, &[]);
+        same(&folder, "merged.exr", "whole.exr", flags);
+    }
+    folder.says("prepare s.kdl --set integrator.guiding=on -q -o s.state", 0, &[]);
+    let given = "--samples 4 --prepared s.state -o x.exr";
+    let text = fs::read_to_string(folder.path("s.kdl")).unwrap();
+    for (flags, exit, words) in [
+        ("--set integrator.guiding=on --seed 3", 3, &["s.state: its seed is 0, not 3"][..]),
+        ("--set integrator.guiding=on --size 24x18", 3, &["its size is 48 36, not 24 18", "canaletto prepare"]),
+        ("--set integrator.guiding=auto", 3, &["guiding=on, not integrator.guiding=auto"]),
+        ("--set integrator.guiding=on --set camera.fovy=30", 3, &["s.state: its set is"]),
+        ("--set integrator.guiding=off", 2, &["needs nothing prepared"]),
+        ("--integrator whitted --progressive", 2, &["needs nothing prepared"]),
+        ("--set integrator.guiding=on", 0, &["4 samples"]),
+    ] {
+        folder.says(&format!("render s.kdl {flags} {given}"), exit, words);
+    }
+    fs::write(folder.path("s.kdl"), text.replace("radius 0.7", "radius 0.6")).unwrap();
+    folder.says(&format!("render s.kdl --set integrator.guiding=on {given}"), 3, &["s.kdl has changed"]);
+    fs::write(folder.path("s.state"), "no state").unwrap();
+    folder.says(&format!("render s.kdl --set integrator.guiding=on {given}"), 3, &["it isn't a field of path guiding"]);
+    folder.says("render s.kdl --prepared gone.state", 3, &["--prepared gone.state"]);
+    folder.says("prepare s.kdl --integrator zbuffer -o z.state", 2, &["needs nothing prepared"]);
+}

@@ -15,4 +15,5 @@ pub(crate) mod ladder;
 pub(crate) mod man;
 pub(crate) mod measure;
 pub(crate) mod merge;
+pub(crate) mod prepare;
 pub(crate) mod render;

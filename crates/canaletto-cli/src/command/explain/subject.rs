@@ -147,7 +147,7 @@ impl<'a> Subject<'a> {
 
     /// A session that is prepared for one pixel, or for a ray.
     fn session(&self, pixel: [u32; 2]) -> Result<Session<'_>, ExplainError> {
-        let preparation = Preparation { solution: self.solution.as_ref(), keeps_links: true };
+        let preparation = Preparation { solution: self.solution.as_ref(), keeps_links: true, ..Preparation::default() };
         session_of_pixel(&self.world, &self.job, pixel, preparation)
     }
 

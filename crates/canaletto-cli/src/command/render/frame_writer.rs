@@ -1,26 +1,30 @@
 //! The files of rendered frames: a picture with its layers, the part of an interrupted picture, or a film.
 
 use super::Plan;
-use crate::complete::texts;
+use super::film_frames::FilmFrames;
+use crate::complete::{FINGERPRINT, texts};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::layers;
-use crate::output::{film_failed, unfit, window};
+use crate::output::{OutputFlags, film_failed, unfit, window};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
+use crate::told_developing::METERED_EXPOSURE;
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
 use canaletto::scene::Developing;
 use canaletto::world::World;
 use canaletto_io::movie::{Movie, MovieSettings};
 use canaletto_io::picture::{Compression, EncodeSettings, Image, PictureFormat, Rendered};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Writes the frames of a plan.
 pub(crate) struct FrameWriter<'a> {
     plan: &'a Plan,
     /// The film, once it has a frame.
     film: Option<Movie>,
+    /// Where the film's finished frames are kept, if files can lie beside it.
+    film_frames: Option<FilmFrames>,
 }
 
 /// A rendered frame with what its files need.
@@ -37,8 +41,32 @@ pub(crate) struct FramePicture<'a> {
 
 impl<'a> FrameWriter<'a> {
     /// A writer that has written nothing.
-    pub(crate) fn new(plan: &'a Plan) -> FrameWriter<'a> {
-        FrameWriter { plan, film: None }
+    pub(crate) fn new(plan: &'a Plan, flags: &OutputFlags) -> Result<FrameWriter<'a>, Failure> {
+        let film = plan.output.path(0);
+        let has_frames = plan.output.format.film().is_some() && plan.output.has_place_beside(&film);
+        let film_frames = has_frames.then(|| FilmFrames::beside(&film, flags)).transpose()?;
+        Ok(FrameWriter { plan, film: None, film_frames })
+    }
+
+    /// Adds a frame to the film that was finished before; false if there is none. `texts` are those of the frames.
+    pub(crate) fn add_kept(&mut self, job: &Job, own: &[(String, String)]) -> Result<bool, Failure> {
+        let kept = self.film_frames.as_ref().and_then(|frames| frames.find(job, &texts(own, job, None)));
+        let Some((image, metadata)) = kept else { return Ok(false) };
+        let metered = metadata.into_iter().filter(|(key, _)| key == METERED_EXPOSURE);
+        self.add_to_film(&image, job, own.iter().cloned().chain(metered).collect())?;
+        Ok(true)
+    }
+
+    /// Keeps a frame of a film, so that it isn't rendered again if the film ends early. Returns the folder.
+    pub(crate) fn keep(&self, frame: &FramePicture<'_>) -> Result<Option<&Path>, Failure> {
+        let Some(frames) = &self.film_frames else { return Ok(None) };
+        let rendered = Rendered { picture: &frame.rendering.picture, developing: frame.developing };
+        let format = PictureFormat::Png;
+        frames.keep(frame.job.frame, |output| {
+            let bytes = format.encode(&rendered, &output.settings, &frame.texts(None), &|| true);
+            bytes.map_err(|e| unfit(&e))
+        })?;
+        Ok(Some(frames.folder()))
     }
 
     /// Writes a picture and its layers, or adds it to the film; returns the files' names. None if a signal stops it: no
@@ -107,12 +135,20 @@ impl<'a> FrameWriter<'a> {
         self.write_rows(PictureFormat::Exr, frame, &file, &settings)
     }
 
+    /// The folder of the film's frames, if some are kept.
+    pub(crate) fn kept_frames(&self) -> Option<PathBuf> {
+        self.film_frames.as_ref().map(|frames| frames.folder().to_owned()).filter(|folder| folder.is_dir())
+    }
+
     /// Gives the film its name, if there is one.
     pub(crate) fn finish(self) -> Result<(), Failure> {
         if let Some(film) = self.film {
             film.finish().map_err(|e| film_failed(self.plan.output.format, e))?;
             interrupt::remove_on_leaving(None);
             remove_part(&self.plan.output.path(0));
+            if let Some(frames) = &self.film_frames {
+                frames.remove(self.plan.frames.iter());
+            }
         }
         Ok(())
     }
@@ -194,6 +230,7 @@ impl<'a> FrameWriter<'a> {
             (Some(film), _) => film,
             (None, None) => return Ok(()),
             (None, Some(kind)) => {
+                metadata.retain(|(key, _)| key != FINGERPRINT);
                 metadata.push(("frames".into(), self.plan.frames.to_string()));
                 let settings = MovieSettings {
                     width: image.width,

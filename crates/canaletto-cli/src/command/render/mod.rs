@@ -2,6 +2,7 @@
 
 mod contact_sheet;
 mod dry_run;
+mod film_frames;
 mod frame_writer;
 mod plan;
 mod series;
@@ -14,6 +15,7 @@ use crate::exit::Exit;
 use crate::failure::{Failure, print_diagnostics};
 use crate::flags::{PictureFlags, SourceFlags};
 use crate::frames::{FramesFlag, fps};
+use crate::guiding_file::PreparedFlags;
 use crate::layers::MAPPINGS;
 use crate::memory::Memory;
 use crate::model::is_model;
@@ -60,6 +62,8 @@ pub(crate) struct RenderFlags {
     pub checkpoints: CheckpointFlags,
     #[command(flatten)]
     pub parts: PartFlags,
+    #[command(flatten)]
+    pub prepared: PreparedFlags,
     #[command(flatten)]
     pub solution: SolutionFlags,
     /// Renders frames A to B, every Nth of them, or all frames of the scene's animation
@@ -222,6 +226,7 @@ impl Task {
         if flags.source.staging.turntable.is_some() {
             flags.frames.get_or_insert(FramesFlag::All);
         }
+        flags.prepared.resolve(&mut flags.solution)?;
         flags.source.staging.plays = flags.frames.is_some() || flags.output.is_film();
         let style = Style::new(flags.progress, flags.quiet);
         let integrator = flags.picture.integrator_of(&flags.source);
@@ -258,7 +263,8 @@ impl Task {
             .writes("--output", pictures)
             .writes("--output", parts.flat_map(|file| [partial(&file), partial(&with_samples(&file))]))
             .writes("--preview", preview)
-            .writes("--checkpoint", self.flags.checkpoints.file())
+            .writes("--checkpoint", self.flags.checkpoints.files())
+            .reads("--prepared", &self.flags.prepared.prepared)
     }
 
     /// The files besides the pictures themselves: layers, and pictures in the making.
@@ -453,5 +459,5 @@ fn on_pool(task: Task, files: &CommandFiles, solutions: &mut Solutions) -> Resul
             }
         }
     }
-    Series::new(flags, plan, reader, solutions).run(source)
+    Series::new(flags, plan, reader, solutions)?.run(source)
 }

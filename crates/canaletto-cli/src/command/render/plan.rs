@@ -38,7 +38,8 @@ impl Plan {
             None => false,
         };
         let output = Output::new(&flags.output, &stem(&flags.source.scene), flags.frames.is_some(), many)?;
-        let frames = frames(flags, &output, reader)?;
+        flags.parts.check(flags.frames.is_some())?;
+        let frames = flags.parts.frames(frames(flags, &output, reader)?)?;
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
@@ -79,8 +80,13 @@ impl Plan {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let has_samples = output.format.has_layers() && output.settings.bits != Some(16);
-        if flags.parts.part.is_some() && (!has_samples || flags.frames.is_some() || output.is_stdout()) {
-            return Err(Failure::usage("--part: a part is one EXR of 32 bits").help("such as -o part-1.exr"));
+        if flags.parts.is_of_picture() && (!has_samples || flags.frames.is_some() || output.is_stdout()) {
+            return Err(Failure::usage("--part: a part is one EXR of 32 bits")
+                .help("such as -o part-1.exr; --split frames gives each part some frames"));
+        }
+        if flags.parts.part.is_some() && output.format.film().is_some() {
+            return Err(Failure::usage("--part: a film in one file has no parts")
+                .help("render numbered pictures, such as -o shot.####.png, and make the film by canaletto merge"));
         }
         let rate = Rate::new(flags.fps.unwrap_or(reader.timeline().fps));
         let backdrop = flags.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
@@ -92,6 +98,11 @@ impl Plan {
     pub(super) fn finish<'a>(&'a self, output: &Output, world: &'a World) -> Finish<'a> {
         let is_linear = output.format.capabilities().is_some_and(|can| can.linear);
         Finish { world, backdrop: self.backdrop.as_ref(), is_linear }
+    }
+
+    /// Whether the pictures are frames: numbered pictures, or those of a film.
+    pub(super) fn has_frames(&self) -> bool {
+        self.numbered || self.output.format.film().is_some()
     }
 
     /// The files of a frame, the picture first.

@@ -2,10 +2,12 @@
 
 mod frame;
 
+use frame::Prepared;
+
 use super::frame_writer::FrameWriter;
 use super::{Plan, RenderFlags};
 use crate::backdrop::BackgroundFlag;
-use crate::complete::{is_complete, texts};
+use crate::complete::{FINGERPRINT, is_complete, texts};
 use crate::digest::Digest;
 use crate::doubts::doubt_picture;
 use crate::exit::Exit;
@@ -15,12 +17,12 @@ use crate::interrupt;
 use crate::metering::{exposed, first_frame, is_metered, is_metered_elsewhere, meter};
 use crate::omissions::{doubt_omissions, doubt_ray_trees};
 use crate::output_format::Format;
-use crate::part;
+use crate::part::{self, Cut, texts_of_part};
 use crate::passes::growing;
 use crate::preview::{Preview, previews};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
 use crate::report::{Report, Times};
-use crate::sample_file::scene_digest;
+use crate::sample_file::{is_part_of, scene_digest};
 use crate::settings::{BACKGROUND, Settings, metadata, sampling_words};
 use crate::solutions::{SolutionSource, Solutions, fingerprint};
 use crate::source::{Reader, Source, build, seen_through};
@@ -93,6 +95,13 @@ impl FrameContext {
         texts
     }
 
+    /// The text entries of a part's file.
+    fn texts_of_part(&self, cut: &Cut) -> Vec<(String, String)> {
+        let mut texts = self.texts_of_samples();
+        texts.extend(texts_of_part(cut, &self.texts));
+        texts
+    }
+
     /// Sets the exposure that was metered, and notes it in the texts.
     fn expose(&mut self, stops: f32) {
         self.job = exposed(&self.job, stops);
@@ -116,20 +125,21 @@ impl<'a> Series<'a> {
         plan: &'a Plan,
         reader: Reader,
         solutions: &'a mut Solutions,
-    ) -> Series<'a> {
-        Series {
+    ) -> Result<Series<'a>, Failure> {
+        let writer = FrameWriter::new(plan, &flags.output)?;
+        Ok(Series {
             flags,
             plan,
             reader,
             solutions,
-            writer: FrameWriter::new(plan),
+            writer,
             told: HashSet::new(),
             start: Instant::now(),
             metered: None,
             rendered: 0,
             kept: 0,
             spent: Duration::ZERO,
-        }
+        })
     }
 
     /// Renders all frames. `first` is the scene at the first frame; its warnings are already printed.
@@ -155,7 +165,7 @@ impl<'a> Series<'a> {
                 let before = frame_context.world.take().or(frame_context.before.take());
                 frame_context = FrameContext { before, ..self.frame_context(source)? };
             }
-            if self.keeps(&frame_context, frame) {
+            if self.keeps(&frame_context, frame)? {
                 self.kept += 1;
                 if self.plan.style == Style::Json {
                     emit(&json!({ "event": "skipped", "frame": frame, "files": self.plan.files(frame) }));
@@ -224,7 +234,7 @@ impl<'a> Series<'a> {
             );
         }
         let asked_for =
-            [("--part", self.flags.parts.part.is_some()), ("--checkpoint", self.flags.checkpoints.file().is_some())];
+            [("--part", self.flags.parts.is_of_picture()), ("--checkpoint", self.flags.checkpoints.file().is_some())];
         for (flag, _) in asked_for.into_iter().filter(|(_, is_given)| *is_given) {
             settings.job = growing(settings.job, flag)?;
         }
@@ -238,16 +248,16 @@ impl<'a> Series<'a> {
         if let Some(denoiser) = self.flags.denoiser() {
             texts.push(("denoiser".into(), denoiser.name().into()));
         }
-        if self.plan.numbered {
+        if self.plan.has_frames() {
             if self.reader.timeline().seconds {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
             }
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.changes());
-            texts.push(("fingerprint".into(), self.plan.output.digest(digest, &texts, &job).to_string()));
+            texts.push((FINGERPRINT.into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
             texts.extend(scene_digest(&source.files, &self.flags.source.changes()));
         }
-        if self.flags.parts.part.is_some() {
+        if self.flags.parts.is_of_picture() {
             part::check(&job)?;
         }
         let previews = match self.plan.preview.is_some() {
@@ -270,24 +280,41 @@ impl<'a> Series<'a> {
         })
     }
 
-    /// Whether a frame's files exist, are complete and match what would be rendered.
-    fn keeps(&self, frame_context: &FrameContext, frame: u32) -> bool {
+    /// Whether a frame is there already: its files exist, are complete and match what would be rendered. A frame of a
+    /// film is then added to it.
+    fn keeps(&mut self, frame_context: &FrameContext, frame: u32) -> Result<bool, Failure> {
         let output = &self.plan.output;
         if self.solutions.is_unsaved() {
-            return false; // Solutions are written when a frame is rendered.
+            return Ok(false); // Solutions are written when a frame is rendered.
         }
-        if self.flags.force || !self.plan.numbered || output.format.film().is_some() || output.is_stdout() {
-            return false;
+        if self.flags.force || output.is_stdout() {
+            return Ok(false);
         }
         let job = Job { frame, ..frame_context.job.clone() };
-        self.plan.files(frame).iter().enumerate().all(|(index, file)| {
+        if output.format.film().is_some() {
+            return self.writer.add_kept(&job, &frame_context.texts);
+        }
+        if let Some(cut) = self.flags.parts.cut(&job)? {
+            let file = self.plan.files(frame).swap_remove(0);
+            return Ok(file.exists() && is_part_of(&file, &cut.of_job(&job), &frame_context.texts_of_part(&cut)));
+        }
+        if !self.plan.numbered {
+            return Ok(false);
+        }
+        Ok(self.plan.files(frame).iter().enumerate().all(|(index, file)| {
             is_complete(
                 file,
                 &job,
                 output,
                 &texts(&frame_context.texts, &job, index.checked_sub(1).map(|layer| job.aovs[layer])),
             )
-        })
+        }))
+    }
+
+    /// Whether finished frames of a film are kept by now. As with checkpoints, that is after a minute, or from the start
+    /// if checkpoints are asked for.
+    fn keeps_frames_of_films(&self) -> bool {
+        self.plan.output.format.film().is_some() && self.flags.checkpoints.is_due(self.start.elapsed())
     }
 
     /// The stops of the frame's exposure, if it is `auto`. They are metered once, in the scene's first frame.
@@ -308,7 +335,7 @@ impl<'a> Series<'a> {
                 let label = "exposure  ".to_owned();
                 let pixels = u64::from(small.window()[2]) * u64::from(small.window()[3]);
                 let watch = ProgressDisplay::begin(Style::Silent, frame, label, pixels, RunProgress::SINGLE);
-                let rendered = self.rendering(frame_context, world, (&small, None), &watch);
+                let rendered = self.rendering(frame_context, world, (&small, None), &watch, Prepared::default());
                 watch.finish();
                 metered_exposure(&rendered?.0.picture)
             }
@@ -386,6 +413,7 @@ impl<'a> Series<'a> {
         let (json, plan, done) = (self.plan.style == Style::Json, self.plan, self.rendered + self.kept);
         let (frames, format) = (plan.frames, plan.output.format);
         let paint = Paint::stderr().yellow("interrupted:");
+        let kept = self.writer.kept_frames();
         let film_part = self.writer.finish_part()?;
         if json {
             if let Some(file) = film_part {
@@ -396,11 +424,14 @@ impl<'a> Series<'a> {
         let of = plural(frames.count(), "frame");
         eprint_line(&match report {
             _ if format.film().is_some() => format!(
-                "{paint} {done} of {of} were rendered; {}. Numbered pictures (--output shot.####.png) can be gone on \
-                 with",
+                "{paint} {done} of {of} were rendered; {}{}",
                 match film_part {
                     Some(file) => format!("{file} has them"),
                     None => "nothing is written".to_owned(),
+                },
+                match kept {
+                    Some(folder) => format!("; the same command goes on with those in {}", folder.display()),
+                    None => String::new(),
                 }
             ),
             Some(report) if frames.count() == 1 => one_interrupted(&paint, report),

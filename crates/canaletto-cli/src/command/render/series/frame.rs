@@ -7,10 +7,10 @@ use crate::denoiser::{self, Denoiser, blacken_uncovered, with_layers};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line};
 use crate::format::{JSON_VERSION, plural};
+use crate::guiding_file::{is_guided, read_guiding, write_guiding};
 use crate::interrupt;
 use crate::omissions::shortfalls;
 use crate::output::window;
-use crate::part::texts_of_part;
 use crate::passes::{OutlookTime, PassObserver, noise_left, sample_warnings};
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -18,14 +18,25 @@ use crate::report::{Report, SampleReport, Times};
 use crate::sample_file::{add_part, add_samples, samples_of_file};
 use crate::solutions::SolutionSource;
 use canaletto::film::{Checkpoint, metered_exposure};
+use canaletto::integrator::GuidingField;
 use canaletto::integrator::radiosity::RadiositySolution;
-use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, render_from};
+use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, learn_guiding, render_from};
 use canaletto::scene::Developing;
 use canaletto::world::World;
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// What a frame's picture is made from besides its samples so far.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Prepared<'p, 'w> {
+    /// What keeps the solution of radiosity, or has one.
+    checkpoints: Option<&'p CheckpointWriter<'w>>,
+    /// What path guiding learnt.
+    guiding: Option<&'p Arc<GuidingField>>,
+}
 
 impl Series<'_> {
     /// Renders a frame and writes it.
@@ -63,8 +74,8 @@ impl Series<'_> {
         };
         interrupt::Rendering::begins();
         let first_solution = self.previews(frame_context, world, &job)?;
-        let mut texts_of_samples = frame_context.texts_of_samples();
-        texts_of_samples.extend(cut.iter().flat_map(|cut| texts_of_part(cut, &frame_context.texts)));
+        let texts_of_samples =
+            cut.map_or_else(|| frame_context.texts_of_samples(), |cut| frame_context.texts_of_part(&cut));
         let mut place = self.checkpoint_place(&job);
         let found = match &mut place {
             Some(place) => self.checkpoint(place, (&job, &texts_of_samples))?,
@@ -98,7 +109,13 @@ impl Series<'_> {
         });
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook)
             .with_checkpoints(checkpoints.as_ref().map(|writer| writer as _));
-        let rendered = self.rendering(frame_context, world, (&rendered_job, start), &observer);
+        let rendered = match self.guiding((frame_context, world, &job), checkpoints.as_ref(), &observer)? {
+            ControlFlow::Continue(guiding) => {
+                let prepared = Prepared { checkpoints: checkpoints.as_ref(), guiding: guiding.as_ref() };
+                self.rendering(frame_context, world, (&rendered_job, start), &observer, prepared)
+            }
+            ControlFlow::Break(()) => Ok((Rendering::unfinished(world, &rendered_job), None)),
+        };
         let render = watch.finish().as_secs_f64();
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
@@ -135,13 +152,11 @@ impl Series<'_> {
         let mut written = None;
         if rendering.complete {
             let texts = texts_with_samples(&mut rendering);
-            written = self.writer.write(&FramePicture {
-                world,
-                job: &job,
-                rendering: &rendering,
-                developing,
-                texts: &texts,
-            })?;
+            let picture = FramePicture { world, job: &job, rendering: &rendering, developing, texts: &texts };
+            written = self.writer.write(&picture)?;
+            if written.is_some() && self.keeps_frames_of_films() {
+                self.keep(&picture);
+            }
             rendering.complete = written.is_some();
         }
         if let (true, Some(writer)) = (rendering.complete, &checkpoints) {
@@ -183,12 +198,24 @@ impl Series<'_> {
         Ok(RenderedFrame { whole: report.complete, report })
     }
 
+    /// Keeps a finished frame of a film. Where it can't be kept, the render goes on.
+    fn keep(&self, picture: &FramePicture<'_>) {
+        match self.writer.keep(picture) {
+            Ok(Some(folder)) if self.plan.style == Style::Json => {
+                emit(&json!({ "event": "kept", "frame": picture.job.frame, "folder": folder }));
+            }
+            Ok(_) => {}
+            Err(failure) => warn_unwritten("--checkpoint", &failure, self.plan.style, self.flags.quiet),
+        }
+    }
+
     /// The file of a frame's checkpoints, if it is a picture that grows.
     fn checkpoint_place(&self, job: &Job) -> Option<CheckpointPlace> {
         let (plan, flags) = (self.plan, &self.flags.checkpoints);
         let picture = &plan.files(job.frame)[0];
-        let grows = job.passes().is_ok() && plan.output.format.film().is_none();
-        grows.then(|| flags.place(plan.output.has_place_beside(picture).then_some(picture)))?
+        let is_film = plan.output.format.film().is_some();
+        let grows = job.passes().is_ok();
+        grows.then(|| flags.place(plan.output.has_place_beside(picture).then_some(picture), is_film))?
     }
 
     /// The checkpoint of a frame that a render which ended early left.
@@ -306,7 +333,7 @@ impl Series<'_> {
             let (label, pixels) = (format!("preview 1/{block}  "), u64::from(width) * u64::from(height));
             let watch = ProgressDisplay::begin(style, job.frame, label, pixels, RunProgress::SINGLE);
             let coarse = Job { frame: job.frame, ..preview.job.clone() };
-            let rendered = self.rendering(frame_context, world, (&coarse, None), &watch);
+            let rendered = self.rendering(frame_context, world, (&coarse, None), &watch, Prepared::default());
             watch.finish();
             let (rendering, solution) = rendered?;
             source = source.or(solution);
@@ -336,6 +363,7 @@ impl Series<'_> {
         world: &World,
         (job, start): (&Job, Option<&Checkpoint>),
         observer: &dyn Observer,
+        Prepared { checkpoints, guiding }: Prepared<'_, '_>,
     ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
         let name = self.reader.name.clone();
         let of_session = |solution: Option<&Arc<RadiositySolution>>| {
@@ -343,17 +371,60 @@ impl Series<'_> {
                 JobError::Start(_) => Failure::new(Exit::Scene, format!("--continue: {e}")),
                 _ => Failure::new(Exit::Scene, format!("{name}: {e}")),
             };
-            let preparation = Preparation { solution, ..Preparation::default() };
+            let preparation = Preparation { solution, guiding, ..Preparation::default() };
             render_from(world, job, preparation, start, observer).map_err(failed)
         };
         let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
             return Ok((of_session(None)?, None));
         };
-        let solved = self.solutions.solution(&name, world, fingerprint, settings, observer)?;
-        match solved {
-            Some((solution, source)) => Ok((of_session(Some(&solution))?, Some(source))),
-            None => Ok((Rendering::unfinished(world, job), None)),
+        if let Some(checkpoints) = checkpoints {
+            self.solutions.take_from(&checkpoints.prepared_file(), fingerprint);
         }
+        let Some((solution, source)) = self.solutions.solution(&name, world, fingerprint, settings, observer)? else {
+            return Ok((Rendering::unfinished(world, job), None));
+        };
+        if let Some(checkpoints) = checkpoints.filter(|_| source == SolutionSource::Solved) {
+            let (solution, fingerprint) = (Arc::clone(&solution), *fingerprint);
+            checkpoints.keep_prepared(move |out| solution.write(&fingerprint, out));
+        }
+        Ok((of_session(Some(&solution))?, Some(source)))
+    }
+
+    /// What path guiding knows of a picture: of --prepared, of a render that ended early, or learnt now. None if the
+    /// paths aren't guided. Breaks if a signal stops it.
+    fn guiding(
+        &self,
+        (frame_context, world, job): (&FrameContext, &World, &Job),
+        checkpoints: Option<&CheckpointWriter<'_>>,
+        observer: &dyn Observer,
+    ) -> Result<ControlFlow<(), Option<Arc<GuidingField>>>, Failure> {
+        let texts = frame_context.texts_of_samples();
+        let prepared = &self.flags.prepared.prepared;
+        if !is_guided(job) {
+            return match prepared {
+                None => Ok(ControlFlow::Continue(None)),
+                Some(file) => {
+                    let message = format!("--prepared {}: the picture needs nothing prepared", file.display());
+                    Err(Failure::usage(message).help("leave it out: it is for radiosity, and for paths with guiding"))
+                }
+            };
+        }
+        if let Some(file) = prepared {
+            let field = read_guiding("--prepared", file, (job, &texts))?;
+            return Ok(ControlFlow::Continue(Some(Arc::new(field))));
+        }
+        let Some(checkpoints) = checkpoints else { return Ok(ControlFlow::Continue(None)) };
+        if let Ok(field) = read_guiding("--checkpoint", &checkpoints.prepared_file(), (job, &texts)) {
+            return Ok(ControlFlow::Continue(Some(Arc::new(field))));
+        }
+        let learnt = learn_guiding(world, job, observer);
+        let learnt = learnt.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
+        Ok(learnt.map_continue(|field| {
+            let field = Arc::new(field);
+            let (own, job) = (Arc::clone(&field), job.clone());
+            checkpoints.keep_prepared(move |out| write_guiding(&own, (&job, &texts), out));
+            Some(field)
+        }))
     }
 
     /// The time of the first solve, if it was for this frame. The next frames may need none.

@@ -1,12 +1,15 @@
-//! `canaletto merge`: the parts of a picture as one, with the bytes of one render.
+//! `canaletto merge`: the parts of a picture or the frames of a film as one, with the bytes of one render.
 
-use crate::command_files::{CommandFiles, FolderFlag};
+mod film;
+
+use crate::command_files::CommandFiles;
 use crate::denoiser::{Denoiser, FEATURES, HALVES, lacks, of_rendering, told};
 use crate::digest::{FileChange, changed_file};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, reason};
 use crate::format::{count, plural};
-use crate::output::{check_files, picture_format, unfit, write_file};
+use crate::frames::fps;
+use crate::output::{Output, OutputFlags, unfit};
 use crate::output_format::Format;
 use crate::part::{Cut, PART, PICTURE_TEXTS};
 use crate::partial::UNFINISHED;
@@ -23,23 +26,27 @@ use canaletto_io::picture::{
 };
 use clap::{Args, ValueEnum};
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Joins the parts of a picture that `render --part` made.
+/// Joins the parts of a picture that `render --part` made, or numbered pictures to a film.
 ///
 /// The order of the parts doesn't matter, and the bytes are those of one render of the whole picture. Denoising and
 /// tone are those that the parts were rendered with. Parts may be joined to larger parts first.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct MergeFlags {
-    /// The parts
+    /// The parts, or folders with nothing but parts
     #[arg(value_name = "PART", required = true)]
     pub parts: Vec<PathBuf>,
 
-    /// Sets the output file: .exr, .png, .jpg or .webp
-    #[arg(short, long, value_name = "FILE")]
-    pub output: PathBuf,
+    #[command(flatten)]
+    pub output: OutputFlags,
+
+    /// Sets the frames per second of a film [default: the frames', or 25]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = fps)]
+    pub fps: Option<f64>,
 
     /// Writes a larger part, for another merge, in place of the picture
     #[arg(long)]
@@ -53,13 +60,6 @@ pub(crate) struct MergeFlags {
     #[arg(long, value_name = "N")]
     pub threads: Option<u16>,
 
-    /// Fails if the file exists already, instead of replacing it
-    #[arg(long)]
-    pub no_clobber: bool,
-
-    #[command(flatten)]
-    pub folder: FolderFlag,
-
     /// Prints errors only
     #[arg(short, long)]
     pub quiet: bool,
@@ -69,7 +69,9 @@ const EXAMPLES: &str = "\
 Examples:
   canaletto render scenes/path.kdl --samples 64 --part 1/2 -o part-1.exr
   canaletto render scenes/path.kdl --samples 64 --part 2/2 -o part-2.exr
-  canaletto merge part-1.exr part-2.exr -o room.png";
+  canaletto merge part-1.exr part-2.exr -o room.png
+  canaletto render scenes/chapter/bouncing-ball.kdl --frames all -o frames/ball.####.png --mkdir
+  canaletto merge frames -o ball.gif";
 
 /// Runs the command.
 pub(crate) fn run(flags: &MergeFlags) -> Result<Exit, Failure> {
@@ -90,16 +92,25 @@ const SCENE: &str = "scene";
 const OWN: [&str; 3] = [PART, SAMPLES_TEXT, UNFINISHED];
 
 fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
-    let format = picture_format("--output", &flags.output)?;
-    if flags.as_part && format != PictureFormat::Exr {
-        return Err(Failure::usage(format!("--output {}: end the name in .exr", flags.output.display())));
+    if flags.output.output.is_none() {
+        return Err(Failure::usage("there is no --output").help("name the file of the whole, such as -o room.png"));
     }
-    let files = CommandFiles::default().reads("PART", &flags.parts).writes("--output", [flags.output.clone()]);
+    let output = Output::new(&flags.output, "", false, false)?;
+    let file = output.path(0);
+    if flags.as_part && output.format != Format::Picture(PictureFormat::Exr) {
+        return Err(Failure::usage(format!("--output {}: end the name in .exr", file.display())));
+    }
+    let paths = files_of(&flags.parts)?;
+    let files = CommandFiles::default().reads("PART", &paths).writes("--output", [file.clone()]);
     files.check()?;
-    flags.folder.make_folders(&files)?;
-    check_files([flags.output.clone()], &flags.output, flags.no_clobber)?;
+    flags.output.folder.make_folders(&files)?;
+    output.check([file.clone()])?;
+    let format = match output.format {
+        Format::Picture(format) => format,
+        Format::Movie(format) => return film::film(flags, &paths, &output, format),
+    };
     // No two parts are in memory at once.
-    let mut parts = flags.parts.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
+    let mut parts = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
     parts.iter().skip(1).try_for_each(|part| compare(&parts[0], part))?;
     parts.sort_by_key(|part| (part.cut.samples[0], part.cut.area[1]));
     let whole = extent(&parts, flags.as_part);
@@ -108,9 +119,9 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
     let is_whole = made.share == 1.0;
     let bytes = match flags.as_part {
         true => encode_part(made, &parts[0], whole)?,
-        false => encode_picture(made, format, &parts[0], &whole, flags)?,
+        false => encode_picture(made, (format, &output.settings), &parts[0], &whole, flags)?,
     };
-    write_file(&flags.output, &bytes)?;
+    output.write(&file, &bytes)?;
     if !flags.quiet {
         let share = if is_whole { "" } else { ", of parts that are there" };
         let parts = plural(parts.len() as u64, "part");
@@ -119,10 +130,39 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
         let samples = count((to - from).into());
         eprint_line(&format!(
             "{}: {width} x {height} pixels, {samples} samples per pixel, of {parts}{share}",
-            flags.output.display()
+            file.display()
         ));
     }
     Ok(Exit::Done)
+}
+
+/// The files of the parts. Those of a folder are in the order of their names, without what unfinished renders left.
+fn files_of(parts: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    for part in parts {
+        if !part.is_dir() {
+            files.push(part.clone());
+            continue;
+        }
+        let unreadable = |error: io::Error| failed(part, Exit::PartUnreadable, &reason(&error));
+        let mut own = Vec::new();
+        for entry in fs::read_dir(part).map_err(unreadable)? {
+            let name = entry.map_err(unreadable)?.file_name();
+            let text = name.to_string_lossy();
+            let extension = Path::new(&*text).extension().map(|extension| extension.to_string_lossy().to_lowercase());
+            let is_picture = extension.is_some_and(|extension| Format::of_extension(&extension).is_some());
+            let is_rest = text.starts_with('.') || [".checkpoint", ".partial"].iter().any(|rest| text.contains(rest));
+            if is_picture && !is_rest {
+                own.push(part.join(&name));
+            }
+        }
+        if own.is_empty() {
+            return Err(failed(part, Exit::PartMissing, "the folder has no parts"));
+        }
+        own.sort();
+        files.extend(own);
+    }
+    Ok(files)
 }
 
 impl PartFile<'_> {
@@ -391,7 +431,7 @@ fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failur
 /// The bytes of the picture, as one render writes it.
 fn encode_picture(
     made: Made,
-    format: PictureFormat,
+    (format, settings): (PictureFormat, &EncodeSettings),
     first: &PartFile,
     whole: &Cut,
     flags: &MergeFlags,
@@ -428,7 +468,7 @@ fn encode_picture(
     }
     let [x, y, ..] = whole.area;
     let window = Window { at: [x as i32, y as i32], whole: first.whole_size() };
-    let settings = EncodeSettings { window: Some(window), ..EncodeSettings::default() };
+    let settings = EncodeSettings { window: Some(window), ..*settings };
     let rendered = Rendered { picture: &picture, developing };
     format.encode(&rendered, &settings, &own, &|| true).map_err(|e| unfit(&e))
 }
