@@ -70,6 +70,11 @@ impl CommandFiles {
         self
     }
 
+    /// The files that are read, each with the flag or argument that names it.
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+        self.inputs.iter().map(|input| (input.flag, input.path.as_path()))
+    }
+
     /// Whether an output exists already, so that it may be an input.
     pub(crate) fn exist(&self) -> bool {
         self.outputs.iter().any(|output| output.path.exists())

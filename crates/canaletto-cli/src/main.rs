@@ -56,8 +56,8 @@ mod watched;
 use canaletto::memory::Guarded;
 use clap::{CommandFactory, Parser, Subcommand};
 use command::{
-    bake, check, compare, compare_methods, completions, convert, denoise, explain, form_factor, grade, info, ladder,
-    man, measure, merge, prepare, render,
+    bake, check, compare, compare_methods, completions, convert, denoise, explain, farm, form_factor, grade, info,
+    ladder, man, measure, merge, prepare, render,
 };
 use exit::Exit;
 use failure::Failure;
@@ -114,6 +114,7 @@ enum Command {
     Denoise(denoise::DenoiseFlags),
     Merge(merge::MergeFlags),
     Prepare(Box<prepare::PrepareFlags>),
+    Farm(Box<farm::FarmFlags>),
     Info(info::InfoFlags),
     Compare(compare::CompareFlags),
     CompareMethods(Box<compare_methods::CompareMethodsFlags>),
@@ -161,6 +162,7 @@ fn run(command: &Command) -> Result<Exit, Failure> {
         Command::Denoise(flags) => denoise::run(flags),
         Command::Merge(flags) => merge::run(flags),
         Command::Prepare(flags) => prepare::run(flags),
+        Command::Farm(flags) => farm::run(flags),
         Command::Info(flags) => info::run(flags),
         Command::Compare(flags) => compare::run(flags),
         Command::CompareMethods(flags) => compare_methods::run(flags),

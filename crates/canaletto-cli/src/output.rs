@@ -35,7 +35,7 @@ fn output_help() -> String {
 }
 
 /// Flags about the file.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub(crate) struct OutputFlags {
     /// Sets the output file or folder [default: the scene's name with .png, in the current folder]
     #[arg(short, long, value_name = "PATH", help_heading = "Output", long_help = output_help())]
@@ -214,6 +214,11 @@ impl Output {
         let numbered = numbered && format.film().is_none();
         let no_clobber = flags.no_clobber;
         Ok(Output { pattern, format, settings, no_clobber, durable, numbered })
+    }
+
+    /// The path as it was given: that of one file, or with a run of # for the numbers of frames.
+    pub(crate) fn pattern(&self) -> &Path {
+        &self.pattern
     }
 
     /// The file of a frame; `-` for the standard output.

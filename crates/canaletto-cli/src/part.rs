@@ -75,6 +75,11 @@ const ROWS: u32 = 8;
 const BLOCKS: u32 = 8;
 
 impl PartFlags {
+    /// The flags of a part.
+    pub(crate) fn one(number: u32, count: u32, split: Split) -> PartFlags {
+        PartFlags { part: Some(Part { number, count }), split: Some(split) }
+    }
+
     /// Whether the render is a part of a picture.
     pub(crate) fn is_of_picture(&self) -> bool {
         self.part.is_some() && self.split != Some(Split::Frames)
@@ -185,16 +190,15 @@ pub(crate) fn check(job: &Job) -> Result<(), Failure> {
     let why = [
         (job.noise.is_some(), "--noise", "where pixels stop depends on their neighbours in all samples"),
         (job.film.alpha, "--background", "the alpha of a picture is made of all of its samples"),
-        (!job.aovs.is_empty(), "--aov", "parts hold colours only"),
         (job.film.sampling == Sampling::Center, "--samples 1", "a single sample has no parts"),
     ];
-    match why.into_iter().find(|(is_given, ..)| *is_given) {
-        None => Ok(()),
-        Some((_, flag, why)) => {
-            let failure = Failure::usage(format!("--part: {flag} can't be had in parts, since {why}"));
-            Err(failure.help("leave it out, or render the picture whole"))
-        }
-    }
+    why.into_iter().find(|(is_given, ..)| *is_given).map_or(Ok(()), |(_, flag, why)| Err(not_in_parts(flag, why)))
+}
+
+/// The error of a flag that parts can't have.
+pub(crate) fn not_in_parts(flag: &str, why: &str) -> Failure {
+    Failure::usage(format!("--part: {flag} can't be had in parts, since {why}"))
+        .help("leave it out, or render the picture whole")
 }
 
 /// The keys of the texts of a part's file: the part, and the texts of the whole picture in their order.

@@ -22,6 +22,8 @@ pub(crate) enum ProgressFlag {
     Plain,
     /// One JSON object per line
     Json,
+    /// Lines of Open Job Description, openjd_progress and openjd_status, which render farms read
+    Openjd,
     /// Nothing
     None,
 }
@@ -33,6 +35,7 @@ pub(crate) enum Style {
     Bar,
     Plain,
     Json,
+    Openjd,
 }
 
 impl Style {
@@ -42,6 +45,7 @@ impl Style {
         match flag {
             _ if quiet => Style::Silent,
             ProgressFlag::Json => Style::Json,
+            ProgressFlag::Openjd => Style::Openjd,
             ProgressFlag::None => Style::Silent,
             ProgressFlag::Plain => Style::Plain,
             ProgressFlag::Auto | ProgressFlag::Bar if terminal => Style::Bar,
@@ -53,7 +57,7 @@ impl Style {
     /// The minimum time between two messages.
     fn pause(self) -> Duration {
         Duration::from_millis(match self {
-            Style::Plain => 2000,
+            Style::Plain | Style::Openjd => 2000,
             Style::Json => 200,
             Style::Silent | Style::Bar => 100,
         })
@@ -65,6 +69,15 @@ pub(crate) fn emit(event: &impl Serialize) {
     if let Ok(line) = serde_json::to_string(event) {
         eprint_line(&line);
     }
+}
+
+/// Prints the progress of `--progress openjd`: the share of the work in percent, if it is known, and words. A line has no
+/// more than 1,024 characters.
+fn print_openjd(percent: Option<f64>, words: &str) {
+    if let Some(percent) = percent {
+        eprint_line(&format!("openjd_progress: {:.1}", percent.clamp(0.0, 100.0)));
+    }
+    eprint_line(&format!("openjd_status: {}", words.chars().take(1000).collect::<String>()));
 }
 
 /// The event "progress".
@@ -165,6 +178,11 @@ pub(crate) struct RunProgress {
 impl RunProgress {
     /// A run of one frame.
     pub(crate) const SINGLE: RunProgress = RunProgress { frames: 1, done: 0, rendered: 0, spent: Duration::ZERO };
+
+    /// The share of all frames that is done, with a share of this frame.
+    fn share(&self, of_frame: f64) -> f64 {
+        (self.done as f64 + of_frame) / self.frames.max(1) as f64
+    }
 
     /// The seconds left for all frames, with `share` of a frame rendered in `seconds`. Each frame left is taken to need
     /// the average time so far.
@@ -294,6 +312,7 @@ impl Observer for ProgressDisplay {
         let words = || format!("{}, {}", solving_words(progress), duration(self.start.elapsed()));
         match self.style {
             Style::Silent => {}
+            Style::Openjd => print_openjd(None, &format!("{}{}", self.label, words())),
             Style::Json => emit(&SolvingEvent::new(self.frame, progress, self.start.elapsed().as_secs_f64())),
             Style::Plain => eprint_line(&format!("{}{}", self.label, words())),
             Style::Bar => {
@@ -344,6 +363,9 @@ impl Observer for ProgressDisplay {
         match self.style {
             Style::Silent => {}
             Style::Json => emit(&event),
+            Style::Openjd => {
+                print_openjd(Some(100.0 * self.whole.share(share)), &format!("{}{made}{speed}, {left}", self.label));
+            }
             Style::Plain => eprint_line(&format!("{}{:.0}%, {made}{speed}, {left}", self.label, event.percent)),
             Style::Bar => {
                 if let Some(bar) = &self.bar {
@@ -367,6 +389,7 @@ mod tests {
     #[test]
     fn time_left_in_all() {
         let whole = RunProgress { frames: 10, done: 5, rendered: 2, spent: Duration::from_secs(20) };
+        assert_eq!(whole.share(0.5), 0.55);
         // Two and a half frames took 25 seconds; the 4½ frames left take 45.
         assert_eq!(whole.left(0.5, 5.0), 45.0);
     }

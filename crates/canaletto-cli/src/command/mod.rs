@@ -8,6 +8,7 @@ pub(crate) mod completions;
 pub(crate) mod convert;
 pub(crate) mod denoise;
 pub(crate) mod explain;
+pub(crate) mod farm;
 pub(crate) mod form_factor;
 pub(crate) mod grade;
 pub(crate) mod info;

@@ -21,7 +21,7 @@ use crate::memory::Memory;
 use crate::model::is_model;
 use crate::output::OutputFlags;
 use crate::output_format::Format;
-use crate::part::PartFlags;
+use crate::part::{PartFlags, not_in_parts};
 use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
@@ -38,6 +38,7 @@ use clap::Args;
 use contact_sheet::ContactSheet;
 use dry_run::{dry_run, room};
 use plan::Plan;
+pub(crate) use plan::frames_of;
 use series::Series;
 use std::path::{Path, PathBuf};
 
@@ -205,6 +206,18 @@ impl RenderFlags {
             })
         };
         self.denoise.map_or_else(of_quality, |DenoiseFlag(denoiser)| denoiser)
+    }
+
+    /// Checks that no flag asks for what parts of a picture can't have.
+    pub(crate) fn check_part(&self) -> Result<(), Failure> {
+        let backdrop = self.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
+        let why = [
+            (!self.aov.is_empty(), "--aov", "parts hold colours only"),
+            (backdrop.is_some(), "--background", "a picture over another one needs its alpha, which parts don't hold"),
+            (self.passes.time.is_some(), "--time", "the number of samples would depend on the machine"),
+            (self.passes.continue_from.is_some(), "--continue", "a part begins with its own first sample"),
+        ];
+        why.into_iter().find(|(is_given, ..)| *is_given).map_or(Ok(()), |(_, flag, why)| Err(not_in_parts(flag, why)))
     }
 
     /// Whether --set chooses the integrator.

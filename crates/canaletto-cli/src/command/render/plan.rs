@@ -39,7 +39,7 @@ impl Plan {
         };
         let output = Output::new(&flags.output, &stem(&flags.source.scene), flags.frames.is_some(), many)?;
         flags.parts.check(flags.frames.is_some())?;
-        let frames = flags.parts.frames(frames(flags, &output, reader)?)?;
+        let frames = flags.parts.frames(frames_of(flags, &output, reader)?)?;
         let mut aovs: Vec<Aov> = Vec::new();
         for layers in &flags.aov {
             let named = match layers {
@@ -80,6 +80,9 @@ impl Plan {
             return Err(Failure::usage("--aov noisy: without --denoise the picture itself is the noisy one"));
         }
         let has_samples = output.format.has_layers() && output.settings.bits != Some(16);
+        if flags.parts.is_of_picture() {
+            flags.check_part()?;
+        }
         if flags.parts.is_of_picture() && (!has_samples || flags.frames.is_some() || output.is_stdout()) {
             return Err(Failure::usage("--part: a part is one EXR of 32 bits")
                 .help("such as -o part-1.exr; --split frames gives each part some frames"));
@@ -141,7 +144,7 @@ fn preview(flags: &OutputFlags, own: Option<&Path>, output: &Output, frames: Fra
 }
 
 /// The frames to render.
-fn frames(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
+pub(crate) fn frames_of(flags: &RenderFlags, output: &Output, reader: &Reader) -> Result<Frames, Failure> {
     let own = || {
         let frames = reader.timeline().frames.map(|[first, last]| Frames::new(first, last, 1));
         frames.transpose().map_err(|e| Failure::new(Exit::Scene, format!("{}: animation: {e}", reader.name)))
