@@ -285,8 +285,8 @@ impl<'a> CheckpointWriter<'a> {
         self.place.prepared_file()
     }
 
-    /// Keeps what was prepared, which `write` writes: at once if checkpoints are asked for or if it took long, else with
-    /// the first checkpoint.
+    /// Keeps what was prepared, which `write` writes: at once if checkpoints are asked for or if it took long, else
+    /// with the first checkpoint.
     pub(crate) fn keep_prepared(&self, write: impl Fn(&mut dyn Write) -> io::Result<()> + Send + 'a) {
         *self.prepared.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(write));
         if (self.place.is_asked_for || self.start.elapsed() >= BY_ITSELF_AFTER)

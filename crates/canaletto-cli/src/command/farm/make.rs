@@ -6,8 +6,8 @@ use super::words::{quoted, shell_word};
 use crate::failure::Failure;
 use std::path::Path;
 
-/// They stand for the part's number, the command's first word and the number of parts until dollars are doubled. No path
-/// of a job has them.
+/// They stand for the part's number, the command's first word and the number of parts until dollars are doubled. No
+/// path of a job has them.
 const NUMBER: char = '\u{1}';
 const PROGRAM: u8 = 2;
 const COUNT: char = '\u{3}';

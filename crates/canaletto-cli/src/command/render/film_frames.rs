@@ -1,5 +1,5 @@
-//! The finished frames of a film in one file, as pictures in a folder beside it. A film that ended early is made of them
-//! without rendering them again.
+//! The finished frames of a film in one file, as pictures in a folder beside it. A film that ended early is made of
+//! them without rendering them again.
 
 use crate::complete::complete_picture;
 use crate::failure::Failure;

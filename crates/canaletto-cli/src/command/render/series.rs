@@ -311,8 +311,8 @@ impl<'a> Series<'a> {
         }))
     }
 
-    /// Whether finished frames of a film are kept by now. As with checkpoints, that is after a minute, or from the start
-    /// if checkpoints are asked for.
+    /// Whether finished frames of a film are kept by now. As with checkpoints, that is after a minute, or from the
+    /// start if checkpoints are asked for.
     fn keeps_frames_of_films(&self) -> bool {
         self.plan.output.format.film().is_some() && self.flags.checkpoints.is_due(self.start.elapsed())
     }
