@@ -97,7 +97,9 @@ pub(crate) fn hash_of(bytes: &[u8]) -> u128 {
 /// The contents and names of a scene's files as a text of a picture's file: a line for each, the scene first.
 pub(crate) fn text_of_files(files: &[UsedFile]) -> String {
     let line = |(index, used): (usize, &UsedFile)| {
-        let name = if index == 0 { used.file.clone() } else { used.place.to_string_lossy().into_owned() };
+        // The folder of the scene is nobody's concern, and the same picture elsewhere has the same bytes.
+        let own_name = || used.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+        let name = if index == 0 { own_name() } else { used.place.to_string_lossy().into_owned() };
         format!("{:032x} {}", used.hash, name.replace(char::is_control, "\u{fffd}"))
     };
     let mut lines: Vec<String> = files.iter().enumerate().map(line).collect();

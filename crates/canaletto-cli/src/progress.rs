@@ -73,7 +73,7 @@ pub(crate) fn emit(event: &impl Serialize) {
 
 /// Prints the progress of `--progress openjd`: the share of the work in percent, if it is known, and words. A line has
 /// no more than 1,024 characters.
-fn print_openjd(percent: Option<f64>, words: &str) {
+pub(crate) fn print_openjd(percent: Option<f64>, words: &str) {
     if let Some(percent) = percent {
         eprint_line(&format!("openjd_progress: {:.1}", percent.clamp(0.0, 100.0)));
     }

@@ -20,7 +20,7 @@ use crate::output_format::Format;
 use crate::part::{self, Cut, texts_of_part};
 use crate::passes::growing;
 use crate::preview::{Preview, previews};
-use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
+use crate::progress::{ProgressDisplay, RunProgress, Style, emit, print_openjd};
 use crate::report::{Report, Times};
 use crate::sample_file::{is_part_of, scene_digest};
 use crate::settings::{BACKGROUND, Settings, metadata, sampling_words};
@@ -360,6 +360,10 @@ impl<'a> Series<'a> {
     fn tell(&self, report: &Report, job: &Job) {
         match self.plan.style {
             Style::Json => emit(report),
+            Style::Openjd if report.complete => {
+                let done = 100.0 * (self.rendered + self.kept) as f64 / self.plan.frames.count() as f64;
+                print_openjd(Some(done), &report.line());
+            }
             _ if self.flags.quiet => {}
             _ if self.plan.frames.count() == 1 => eprint_line(&report.text(&sampling_words(&job.film))),
             _ if !report.complete => {}
