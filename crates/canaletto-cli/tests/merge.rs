@@ -140,7 +140,7 @@ fn what_has_no_parts_is_told() {
 
 /// A ball that falls, as paths.
 const FILM: &str = r#"
-    camera { eye 0 1 5; center 0 0.8 0; fovy 40; size 32 24 }
+    camera { eye { key 0  0 1 5; key 0.6  1 1 5 }; center 0 0.8 0; fovy 40; size 32 24 }
     integrator "path"
     film { exposure "auto" }
     animation { frames 1 7; fps 10; keys "seconds" }
@@ -183,6 +183,9 @@ fn frames_make_a_film() {
     ] {
         folder.says(command, exit, words);
     }
+    fs::write(folder.path("t.kdl"), FILM.replace("radius 0.7", "radius 0.6")).unwrap();
+    folder.says("render t.kdl -q --samples 2 --frames 3 --background none --tone clamp -o t.####.png", 0, &[]);
+    folder.says("merge frames/shot.0002.png t.0003.png -o x.apng", 13, &["a file of the scene has changed"]);
     let more = "render s.kdl -q --frames 3-7x2 --samples 2 --background none --tone clamp -o frames/shot.####.png";
     folder.says(more, 0, &[]);
     fs::remove_file(folder.path("frames/shot.0004.png")).unwrap();

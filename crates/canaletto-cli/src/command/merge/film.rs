@@ -9,7 +9,7 @@ use crate::frames::Frames;
 use crate::interrupt;
 use crate::output::{Output, film_failed};
 use crate::partial::UNFINISHED;
-use crate::sample_file::text_of;
+use crate::sample_file::{SCENE_DIGEST, text_of};
 use canaletto::scene::Transfer;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
 use canaletto_io::picture::{Decoded, decode};
@@ -28,7 +28,7 @@ struct FrameFile<'f> {
 }
 
 /// The texts of a film that aren't those of its frames.
-const OF_FRAMES: [&str; 3] = ["frame", FINGERPRINT, "Software"];
+const OF_FRAMES: [&str; 4] = ["frame", FINGERPRINT, SCENE_DIGEST, "Software"];
 
 /// Makes the film of numbered pictures.
 pub(super) fn film(
@@ -122,15 +122,21 @@ fn compare(first: &FrameFile, file: &FrameFile) -> Result<(), Failure> {
     }
     let of = |file: &FrameFile, key: &str| text_of(&file.texts, key).unwrap_or_else(|| "none".to_owned());
     let keys = || first.texts.iter().chain(&file.texts).map(|(key, _)| key.as_str());
-    let compared = ["Software"].into_iter().chain(keys().filter(|key| !["frame", "scene"].contains(key)));
-    for key in compared.filter(|key| *key != FINGERPRINT).chain([FINGERPRINT]) {
+    // The fingerprint is that of one frame, as it counts where the camera is.
+    let is_compared = |key: &&str| !["frame", "scene", FINGERPRINT, SCENE_DIGEST].contains(key);
+    for key in ["Software", SCENE_DIGEST].into_iter().chain(keys().filter(is_compared)) {
         let (own, others) = (of(file, key), of(first, key));
         match key {
             _ if own == others => {}
             "Software" => {
                 return refuse(Exit::PartVersion, &format!("it was made by {own}, and the other one by {others}"));
             }
-            FINGERPRINT => return refuse(Exit::PartScene, "their scenes or settings differ"),
+            SCENE_DIGEST => {
+                return refuse(
+                    Exit::PartScene,
+                    "a file of the scene has changed between them, or a value that is set in it",
+                );
+            }
             _ => return refuse(Exit::PartSetting, &format!("its {key} is {own}, not {others}")),
         }
     }

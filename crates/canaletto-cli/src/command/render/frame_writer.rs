@@ -9,6 +9,7 @@ use crate::layers;
 use crate::output::{OutputFlags, film_failed, unfit, window};
 use crate::partial::{UNFINISHED, free_partial_path, remove_part, with_samples};
 use crate::preview::{Preview, PreviewFile, enlarged};
+use crate::sample_file::SCENE_DIGEST;
 use crate::told_developing::METERED_EXPOSURE;
 use canaletto::Named;
 use canaletto::render::{Aov, Job, Rendering};
@@ -230,7 +231,7 @@ impl<'a> FrameWriter<'a> {
             (Some(film), _) => film,
             (None, None) => return Ok(()),
             (None, Some(kind)) => {
-                metadata.retain(|(key, _)| key != FINGERPRINT);
+                metadata.retain(|(key, _)| ![FINGERPRINT, SCENE_DIGEST].contains(&key.as_str()));
                 metadata.push(("frames".into(), self.plan.frames.to_string()));
                 let settings = MovieSettings {
                     width: image.width,

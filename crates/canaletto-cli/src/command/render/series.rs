@@ -253,6 +253,7 @@ impl<'a> Series<'a> {
                 texts.push(("fps".into(), self.plan.rate.fps().to_string()));
             }
             let digest = Digest::of_program().with_files(&source.files).with(&self.flags.source.changes());
+            texts.extend(scene_digest(&source.files, &self.flags.source.changes()).into_iter().take(1));
             texts.push((FINGERPRINT.into(), self.plan.output.digest(digest, &texts, &job).to_string()));
         } else if job.passes().is_ok() && self.plan.output.format.has_layers() {
             texts.extend(scene_digest(&source.files, &self.flags.source.changes()));
