@@ -2,13 +2,12 @@
 
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::sample_file::check_texts;
+use crate::sample_file::{check_texts, texts_of_file};
 use crate::settings::MODEL;
 use crate::solutions::SolutionFlags;
 use canaletto::integrator::{GuidingField, StateFileError};
 use canaletto::render::Job;
 use canaletto::scene::{Guiding, Integrator};
-use canaletto_io::picture::SOFTWARE;
 use clap::Args;
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -59,9 +58,7 @@ pub(crate) fn write_guiding(
     (job, texts): (&Job, &[(String, String)]),
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let mut all = texts.to_vec();
-    all.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
-    field.write(&all, out)
+    field.write(&texts_of_file(job, texts), out)
 }
 
 /// Reads the field of a picture. `role` is what the user calls the file.

@@ -18,6 +18,9 @@ use std::path::Path;
 pub(crate) const SCENE_DIGEST: &str = "scene-digest";
 pub(crate) const SCENE_FILES: &str = "scene-files";
 
+/// The key of the text of the scene's name.
+pub(crate) const SCENE: &str = "scene";
+
 /// The texts that say whether samples belong together: another value of one means other samples.
 const TELLING: [&str; 17] = [
     "Software",
@@ -110,6 +113,13 @@ impl<'f> SampleFile<'f> {
     }
 }
 
+/// The texts of a file of this program, with those that its writers add.
+pub(crate) fn texts_of_file(job: &Job, texts: &[(String, String)]) -> Vec<(String, String)> {
+    let mut all = texts.to_vec();
+    all.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
+    all
+}
+
 /// Checks that the texts of a file, `theirs`, are those of a render where it matters: in `keys`, in the integrator's
 /// settings and in the scene. `failed` makes the error of a difference.
 pub(crate) fn check_texts(
@@ -118,8 +128,7 @@ pub(crate) fn check_texts(
     keys: &[&'static str],
     failed: &dyn Fn(String) -> Failure,
 ) -> Result<(), Failure> {
-    let mut own = texts.to_vec();
-    own.extend([("Software".to_owned(), SOFTWARE.to_owned()), ("frame".to_owned(), job.frame.to_string())]);
+    let own = texts_of_file(job, texts);
     let settings = job.description().settings().into_iter().map(|(key, _)| key);
     for key in keys.iter().copied().chain(settings).chain([SCENE_DIGEST]) {
         let (their, own) = (text_of(theirs, key), text_of(&own, key));
@@ -144,6 +153,17 @@ pub(crate) fn check_texts(
         }));
     }
     Ok(())
+}
+
+/// The texts of the whole picture, as the texts of a part tell them.
+pub(crate) fn picture_texts(texts: &[(String, String)]) -> Vec<(String, String)> {
+    text_of(texts, PICTURE_TEXTS).and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
+}
+
+/// The texts without the names of the scene and of its files.
+pub(crate) fn nameless(mut texts: Vec<(String, String)>) -> Vec<(String, String)> {
+    texts.retain(|(key, _)| ![SCENE, SCENE_FILES].contains(&key.as_str()));
+    texts
 }
 
 /// A text of a file.
@@ -179,9 +199,8 @@ pub(crate) fn samples_of_file(
 /// are `texts`.
 pub(crate) fn is_part_of(file: &Path, job: &Job, texts: &[(String, String)]) -> bool {
     let of_picture = |texts: &[(String, String)]| {
-        let of_json = |text: String| serde_json::from_str::<Vec<(String, String)>>(&text).ok();
-        let mut texts = text_of(texts, PICTURE_TEXTS).and_then(of_json).unwrap_or_default();
-        texts.retain(|(key, _)| ![METERED_EXPOSURE, "scene", SCENE_FILES].contains(&key.as_str()));
+        let mut texts = nameless(picture_texts(texts));
+        texts.retain(|(key, _)| key != METERED_EXPOSURE);
         texts
     };
     SampleFile::open("--part", file).is_ok_and(|file| {

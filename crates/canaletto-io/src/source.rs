@@ -57,7 +57,7 @@ impl Timeline {
     pub const FPS: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
     /// The default frame rate in frames per second.
-    pub(crate) const DEFAULT_FPS: f64 = 25.0;
+    pub const DEFAULT_FPS: f64 = 25.0;
 
     /// The time of a frame in the units of keys.
     pub(crate) fn time(&self, frame: f64) -> f64 {

@@ -2,19 +2,19 @@
 
 use super::plan::{FarmPlan, Word};
 use super::shell::{Script, folder, introduction, line};
-use super::words::{quoted, shell_word};
+use super::words::{quoted, shell_word, typed};
 use crate::failure::Failure;
 use std::path::Path;
 
 /// They stand for the part's number, the command's first word and the number of parts until dollars are doubled. No
 /// path of a job has them.
-const NUMBER: char = '\u{1}';
+const NUMBER: u8 = 1;
 const PROGRAM: u8 = 2;
-const COUNT: char = '\u{3}';
+const COUNT: u8 = 3;
 
 /// The makefile.
 pub(super) fn makefile(plan: &FarmPlan, path: &Path) -> Result<Vec<u8>, Failure> {
-    let file = String::from_utf8_lossy(&shell_word(path.as_os_str())).replace('\n', " ");
+    let file = typed(path);
     let usage = format!(
         "make -f {file} -j 2                    renders two parts at once here\n\
          make -f {file} -j 3 HOSTS='a b c'      renders them on these machines by ssh\n\
@@ -49,9 +49,10 @@ pub(super) fn makefile(plan: &FarmPlan, path: &Path) -> Result<Vec<u8>, Failure>
 /// The line that runs a command of the job on the machine of a turn.
 fn recipe(plan: &FarmPlan, words: &[Word], turn: &str, log: &str) -> Result<Vec<u8>, Failure> {
     let work = plan.work();
-    let of_work = |name: &str| shell_word(work.join(name.replace('*', &NUMBER.to_string())).as_os_str());
+    let of_work =
+        |name: &str| shell_word(work.join(name.replace('*', char::from(NUMBER).encode_utf8(&mut [0; 4]))).as_os_str());
     let words = line(words, &|word| match word {
-        Word::Part => Some(format!("{NUMBER}/{COUNT}").into_bytes()),
+        Word::Part => Some(vec![NUMBER, b'/', COUNT]),
         Word::Work(name) => Some(of_work(name)),
         Word::WorkFolder => Some(shell_word(work.as_os_str())),
         _ => None,
@@ -63,7 +64,6 @@ fn recipe(plan: &FarmPlan, words: &[Word], turn: &str, log: &str) -> Result<Vec<
 /// A command in the job's folder, on the machine of a turn; here without one. Make replaces variables in `start`.
 fn in_folder([start, command]: [&[u8]; 2], turn: &str) -> Result<Vec<u8>, Failure> {
     let all = [b"cd -- ", &shell_word(folder()?.as_os_str())[..], b" && ", &[PROGRAM], command].concat();
-    // The first of the characters below are those that stand for something.
     let wrong = |word: &u8| *word == b'\n' || *word == b'\r';
     if all.iter().any(wrong) {
         return Err(Failure::usage("farm make: a line of a makefile can't have a path with a new line in it")
@@ -74,9 +74,9 @@ fn in_folder([start, command]: [&[u8]; 2], turn: &str) -> Result<Vec<u8>, Failur
     for byte in quoted {
         match byte {
             b'$' => made.extend(b"$$"),
-            1 => made.extend(b"$*"),
+            NUMBER => made.extend(b"$*"),
             PROGRAM => made.extend(start),
-            3 => made.extend(b"$(COUNT)"),
+            COUNT => made.extend(b"$(COUNT)"),
             other => made.push(other),
         }
     }

@@ -23,8 +23,10 @@ pub(super) fn bundle(plan: &FarmPlan, path: &Path) -> Result<Vec<JobFile>, Failu
     let name =
         |file: &Path| -> Result<String, Failure> { template_text(file.file_name().map(Path::new).unwrap_or(file)) };
     let (scene_name, output_name, work_name) = (name(&scene)?, name(&output)?, name(&plan.work())?);
-    let mut values =
-        vec![("SceneFolder", checked_path(&scene_folder)?), ("OutputFolder", checked_path(folder_of(&output))?)];
+    let mut values = vec![
+        ("SceneFolder".to_owned(), checked_path(&scene_folder)?),
+        ("OutputFolder".to_owned(), checked_path(folder_of(&output))?),
+    ];
     let mut parameters = String::new();
     let mut parameter = |name: &str, kind: &str, more: &[(&str, String)], description: &str| {
         let _ = writeln!(parameters, "- name: {name}\n  type: {kind}\n  description: {description}");
@@ -51,8 +53,8 @@ pub(super) fn bundle(plan: &FarmPlan, path: &Path) -> Result<Vec<JobFile>, Failu
             let parameter_name = format!("{}{}", kind[..1].to_uppercase(), &kind[1..]);
             let more = [("objectType", "FILE".to_owned()), ("dataFlow", "IN".to_owned())];
             parameter(&parameter_name, "PATH", &more, &format!("The file of {flag}."));
+            values.push((parameter_name.clone(), checked_path(&base.join(file))?));
             inputs.push((flag, parameter_name));
-            values.push(("", checked_path(&base.join(file))?));
         }
     }
     let arguments = |words: &[Word]| -> Result<String, Failure> {
@@ -109,27 +111,19 @@ pub(super) fn bundle(plan: &FarmPlan, path: &Path) -> Result<Vec<JobFile>, Failu
     if let Some(words) = &plan.merge {
         step("Merge", Some("Render"), false, words)?;
     }
-    let usage = plan.how_to_run(super::Engine::Openjd, path).replace('\n', " ");
+    let usage = plan.how_to_run(super::Engine::Openjd, path);
     let mut title = format!("{} by canaletto", plan.name());
     title = title.chars().filter(|c| !c.is_control()).take(MOST_NAME).collect();
     let template = format!(
-        "# {}\n#\n# {usage}\n# deadline bundle submit submits it to AWS Deadline Cloud.\n#\n# canaletto farm wrote this \
-         file. Change what you like.\nspecificationVersion: jobtemplate-2023-09\nname: {}\nparameterDefinitions:\n\
+        "# {}\n#\n# {usage}\n# deadline bundle submit submits it to AWS Deadline Cloud.\n#\n\
+         # canaletto farm wrote this file. Change what you like.\nspecificationVersion: jobtemplate-2023-09\nname: {}\nparameterDefinitions:\n\
          {parameters}steps:\n{steps}",
         plan.summary().replace(['\n', '\r'], " "),
         json!(title.replace("{{", "{ {").replace("}}", "} }")),
     );
-    let named: Vec<(String, String)> = values
-        .into_iter()
-        .scan(0, |index, (name, value)| {
-            let own = if name.is_empty() { inputs[*index].1.clone() } else { name.to_owned() };
-            *index += usize::from(name.is_empty());
-            Some((own, value))
-        })
-        .collect();
-    let of_deadline: Vec<_> = named.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect();
+    let of_deadline: Vec<_> = values.iter().map(|(name, value)| json!({ "name": name, "value": value })).collect();
     let of_openjd: serde_json::Map<String, serde_json::Value> =
-        named.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
+        values.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
     let pretty = |value: &serde_json::Value| {
         let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
         text.push('\n');

@@ -1,14 +1,14 @@
 //! A job for GNU parallel: a script that renders the parts here, or on machines by ssh that share the folder.
 
 use super::plan::FarmPlan;
-use super::shell::{Script, functions, introduction};
-use super::words::shell_word;
+use super::shell::{ENTER, Script, functions, introduction, last_cases};
+use super::words::typed;
 use crate::failure::Failure;
 use std::path::Path;
 
 /// The script.
 pub(super) fn script(plan: &FarmPlan, path: &Path) -> Result<Vec<u8>, Failure> {
-    let file = String::from_utf8_lossy(&shell_word(path.as_os_str())).replace('\n', " ");
+    let file = typed(path);
     let usage = format!(
         "bash {file}                    renders it here\nHOSTS=a,b,c bash {file}        renders it on these machines \
          by ssh (: is this one)\nbash {file} part 3             renders a part here\n\nAll machines have the folder \
@@ -19,33 +19,19 @@ pub(super) fn script(plan: &FarmPlan, path: &Path) -> Result<Vec<u8>, Failure> {
     script.text("hosts=${HOSTS:-:}   # the machines\njobs=${JOBS:-1}   # the parts that a machine renders at once\n");
     script.text("tries=3   # how often a part is tried, each time on another machine\n");
     script.bytes(&functions(plan, "")?.into_bytes());
-    script.text(
-        "run() { \"$@\"; }
-
-script=$0
-[[ $script == /* ]] || script=$PWD/$script
-cd -- \"$folder\"
-mkdir -p -- \"$work\"
-case ${1:-all} in
-    all)\n",
-    );
+    script.text("run() { \"$@\"; }\n\n").text(ENTER).text("step=${1:-all}\ncase $step in\n    all)\n");
     if plan.prepare.is_some() {
         script.text("        prepare\n");
     }
     script.text(
-        "        seq \"$count\" | parallel --quote --will-cite --sshlogin \"$hosts\" --jobs \"$jobs\" --retries \"$tries\" \\
-            --joblog \"$work/parts.log\" env CANALETTO=\"$canaletto\" bash \"$script\" part {}\n",
+        "        seq \"$count\" | parallel --quote --will-cite --sshlogin \"$hosts\" --jobs \"$jobs\" \\
+            --retries \"$tries\" --joblog \"$work/parts.log\" \\
+            env CANALETTO=\"$canaletto\" bash \"$script\" part {}\n",
     );
     if plan.merge.is_some() {
         script.text("        merge\n");
     }
     script.text("        ;;\n    part) part \"${2:?the number of the part}\" >>\"$work/part-$2.log\" 2>&1 ;;\n");
-    if plan.prepare.is_some() {
-        script.text("    prepare) prepare ;;\n");
-    }
-    if plan.merge.is_some() {
-        script.text("    merge) merge ;;\n");
-    }
-    script.text("    *) echo \"there is no step $1\" >&2; exit 2 ;;\nesac\n");
+    script.text(&last_cases(plan));
     Ok(script.into_bytes())
 }

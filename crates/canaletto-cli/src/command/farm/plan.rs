@@ -1,13 +1,12 @@
 //! What a job does, whatever its engine: the commands of its parts, of what comes before them and after.
 
-use super::words::{Group, group, shell_word};
+use super::words::{Group, group, typed};
 use super::{Engine, FarmFlags};
 use crate::command::prepare::PrepareFlags;
 use crate::command::render::{RenderFlags, frames_of, stem};
 use crate::command_files::CommandFiles;
 use crate::failure::Failure;
 use crate::format::plural;
-use crate::frames::FramesFlag;
 use crate::guiding_file::is_guided;
 use crate::output::{Output, OutputFlags};
 use crate::part::{PartFlags, Split, check};
@@ -15,7 +14,7 @@ use crate::passes::growing;
 use crate::progress::ProgressFlag;
 use crate::settings::Settings;
 use crate::solutions::fingerprint;
-use crate::source::{Reader, STDIN};
+use crate::source::STDIN;
 use crate::watch::ReadLog;
 use clap::{Args, Command, FromArgMatches, ValueEnum};
 use std::ffi::OsString;
@@ -122,21 +121,17 @@ impl FarmPlan {
         let checked = Checked::new(render, split, flags.parts)?;
         let Checked { output, is_film, parts, needs_preparing, grows, frames, fps } = checked;
         let is_of_frames = split == Split::Frames;
-        let repeats = |ids: &[&str]| -> Vec<Word> {
-            let is_there = |group: &&Group| group.id.as_deref().is_some_and(|id| ids.contains(&id));
+        let repeats = |is_repeated: &dyn Fn(&str) -> bool| -> Vec<Word> {
+            let is_there = |group: &&Group| group.id.as_deref().is_some_and(is_repeated);
             groups.iter().filter(is_there).flat_map(|group| group.words.iter().cloned().map(Word::Text)).collect()
         };
-        let ids_of = |command: &Command| -> Vec<String> {
-            let own = command.get_arguments().map(|arg| arg.get_id().to_string());
-            own.filter(|id| !OWN.contains(&id.as_str())).collect()
+        let is_of = |id: &str, command: &Command| {
+            !OWN.contains(&id) && command.get_arguments().any(|arg| arg.get_id().as_str() == id)
         };
         let is_merged = !is_of_frames || is_film;
         let render_command = RenderFlags::augment_args(Command::new("render"));
-        let mut of_render = ids_of(&render_command);
-        of_render.retain(|id| !is_merged || !OF_FILE.contains(&id.as_str()));
-        let of_render: Vec<&str> = of_render.iter().map(String::as_str).collect();
         let mut part = vec![text("render"), Word::Scene(render.source.scene.clone())];
-        part.extend(repeats(&of_render));
+        part.extend(repeats(&|id| is_of(id, &render_command) && !(is_merged && OF_FILE.contains(&id))));
         check_words(&part, flags, &render_command)?;
         let files = input_files(render);
         name_inputs(&mut part, &files);
@@ -146,11 +141,9 @@ impl FarmPlan {
         let mut prepare = None;
         if needs_preparing && !is_of_frames && render.solution.solution.is_none() && render.prepared.prepared.is_none()
         {
-            let of_prepare = ids_of(&PrepareFlags::augment_args(Command::new("prepare")));
-            let of_prepare: Vec<&str> =
-                of_prepare.iter().map(String::as_str).filter(|id| !OF_FILE.contains(id)).collect();
+            let prepare_command = PrepareFlags::augment_args(Command::new("prepare"));
             let mut words = vec![text("prepare"), Word::Scene(render.source.scene.clone())];
-            words.extend(repeats(&of_prepare));
+            words.extend(repeats(&|id| is_of(id, &prepare_command) && !OF_FILE.contains(&id)));
             name_inputs(&mut words, &files);
             words.extend([text("-o"), Word::Work("prepared.state")]);
             prepare = Some(words);
@@ -172,7 +165,7 @@ impl FarmPlan {
             if is_film {
                 words.extend([text("--fps"), text(fps.to_string())]);
             }
-            words.extend(repeats(&OF_FILE));
+            words.extend(repeats(&|id| OF_FILE.contains(&id)));
             words
         });
         let threads = render.source.threads;
@@ -233,7 +226,7 @@ impl FarmPlan {
 
     /// The command line that runs the job.
     pub(super) fn how_to_run(&self, engine: Engine, job: &Path) -> String {
-        let job = String::from_utf8_lossy(&shell_word(job.as_os_str())).into_owned();
+        let job = typed(job);
         match engine {
             Engine::Slurm => format!("bash {job}"),
             Engine::Parallel => format!("bash {job}   (HOSTS=a,b,c runs it on these machines by ssh)"),
@@ -261,17 +254,7 @@ struct Checked {
 impl Checked {
     fn new(flags: &RenderFlags, split: Split, parts: Option<u32>) -> Result<Checked, Failure> {
         let mut flags = flags.clone();
-        flags.prepared.resolve(&mut flags.solution)?;
-        if flags.source.staging.turntable.is_some() {
-            flags.frames.get_or_insert(FramesFlag::All);
-        }
-        flags.source.staging.plays = flags.frames.is_some() || flags.output.is_film();
-        let integrator = flags.picture.integrator_of(&flags.source);
-        let mut reader = Reader::open(&flags.source, integrator, flags.picture.max_depth)?;
-        reader.choose_camera(flags.picture.camera.as_deref());
-        if let Some(fps) = flags.fps {
-            reader.set_fps(fps);
-        }
+        let mut reader = flags.open()?;
         let is_of_frames = split == Split::Frames;
         let name = stem(&flags.source.scene);
         let output = Output::new(&flags.output, &name, flags.frames.is_some(), is_of_frames)?;

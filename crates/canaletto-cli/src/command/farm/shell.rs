@@ -92,6 +92,20 @@ pub(super) fn functions(plan: &FarmPlan, more: &str) -> Result<Script, Failure> 
     Ok(script)
 }
 
+/// How scripts begin their work: with their own path, in the job's folder.
+pub(super) const ENTER: &str = "script=$0
+[[ $script == /* ]] || script=$PWD/$script
+cd -- \"$folder\"
+mkdir -p -- \"$work\"
+";
+
+/// The last cases of a script by its `step`: what comes before the parts and after them, and what isn't there.
+pub(super) fn last_cases(plan: &FarmPlan) -> String {
+    let case = |is_there: bool, name: &str| if is_there { format!("    {name}) {name} ;;\n") } else { String::new() };
+    let (prepare, merge) = (case(plan.prepare.is_some(), "prepare"), case(plan.merge.is_some(), "merge"));
+    format!("{prepare}{merge}    *) echo \"there is no step $step\" >&2; exit 2 ;;\nesac\n")
+}
+
 /// The first lines of a script: what it does, and how to run it.
 pub(super) fn introduction(plan: &FarmPlan, engine: &str, usage: &str) -> String {
     let scene = plan.scene.display().to_string();

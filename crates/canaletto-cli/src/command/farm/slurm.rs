@@ -1,8 +1,8 @@
 //! A job for Slurm: a script that submits itself as an array of parts, and the merge after them.
 
 use super::plan::FarmPlan;
-use super::shell::{functions, introduction};
-use super::words::shell_word;
+use super::shell::{ENTER, Script, functions, introduction, last_cases};
+use super::words::typed;
 use crate::failure::Failure;
 use std::path::Path;
 
@@ -10,8 +10,8 @@ use std::path::Path;
 const PROCESSORS: u16 = 4;
 
 /// How a command is run, so that signals reach it, and when its task is queued again.
-const RUN: &str = r#"# Runs a command. A minute before the time limit Slurm sends USR1: the program keeps its samples, and the task is
-# queued again. So is one that a signal killed. scancel and errors end it.
+const RUN: &str = r#"# Runs a command. A minute before the time limit Slurm sends USR1: the program keeps its samples, and
+# the task is queued again. So is one that a signal killed. scancel and errors end it.
 run() {
     local pid code=0 ended=''
     local task=${SLURM_JOB_ID:-}
@@ -37,13 +37,13 @@ run() {
 
 /// The script.
 pub(super) fn script(plan: &FarmPlan, path: &Path) -> Result<Vec<u8>, Failure> {
-    let file = String::from_utf8_lossy(&shell_word(path.as_os_str())).replace('\n', " ");
+    let file = typed(path);
     let merge =
         if plan.merge.is_some() { format!("\nbash {file} merge    merges the parts here") } else { String::new() };
     let usage = format!("bash {file}          submits the job\nbash {file} part 3   renders a part here{merge}");
     let job_name: String = plan.name().chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
     let processors = plan.threads.unwrap_or(PROCESSORS);
-    let mut script = super::shell::Script::new("#!/bin/bash\n");
+    let mut script = Script::new("#!/bin/bash\n");
     script.text(&introduction(plan, "on a Slurm cluster", &usage));
     script.text(&format!(
         "#SBATCH --job-name=canaletto-{job_name}
@@ -63,7 +63,7 @@ restarts=3   # how often a killed task is queued again
         if plan.threads.is_none() { " \\\n        --threads \"${SLURM_CPUS_PER_TASK:-$(nproc)}\"" } else { "" };
     let functions = functions(plan, threads)?;
     script.bytes(&functions.into_bytes()).text(RUN);
-    script.text("submit() {\n    local script=$1 after=()\n    mkdir -p -- \"$work\"\n");
+    script.text("submit() {\n    local script=$1 after=()\n");
     if plan.prepare.is_some() {
         script.text(
             "    prepared=$(sbatch --parsable \"$script\" prepare)
@@ -77,19 +77,14 @@ restarts=3   # how often a killed task is queued again
     );
     if plan.merge.is_some() {
         script.text(
-            "    merged=$(sbatch --parsable --dependency=\"afterok:${parts%%;*}\" --kill-on-invalid-dep=yes \"$script\" merge)
+            "    merged=$(sbatch --parsable --dependency=\"afterok:${parts%%;*}\" --kill-on-invalid-dep=yes \\
+        \"$script\" merge)
     echo \"merges them:       job ${merged%%;*}\"\n",
         );
     }
-    script.text(
-        "}
-
-script=$0
-[[ $script == /* ]] || script=$PWD/$script
-cd -- \"$folder\"
-step=${1:-submit}
+    script.text("}\n\n").text(ENTER).text(
+        "step=${1:-submit}
 number=${2:-${SLURM_ARRAY_TASK_ID:-}}
-mkdir -p -- \"$work\"
 if [[ -n ${SLURM_JOB_ID:-} && $step != submit ]]; then
     exec >>\"$work/$step${number:+-$number}.log\" 2>&1
 fi
@@ -97,12 +92,6 @@ case $step in
     submit) submit \"$script\" ;;
     part) part \"${number:?the number of the part}\" ;;\n",
     );
-    if plan.prepare.is_some() {
-        script.text("    prepare) prepare ;;\n");
-    }
-    if plan.merge.is_some() {
-        script.text("    merge) merge ;;\n");
-    }
-    script.text("    *) echo \"there is no step $step\" >&2; exit 2 ;;\nesac\n");
+    script.text(&last_cases(plan));
     Ok(script.into_bytes())
 }

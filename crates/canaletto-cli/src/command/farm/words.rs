@@ -2,6 +2,7 @@
 
 use clap::{ArgAction, Command};
 use std::ffi::{OsStr, OsString};
+use std::path::Path;
 
 /// The words of one argument: a flag with its value, or a positional argument.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,6 +88,11 @@ pub(super) fn shell_word(word: &OsStr) -> Vec<u8> {
         return bytes.to_vec();
     }
     quoted(bytes)
+}
+
+/// A path as people type it in a shell, in one line.
+pub(super) fn typed(path: &Path) -> String {
+    String::from_utf8_lossy(&shell_word(path.as_os_str())).replace('\n', " ")
 }
 
 /// Bytes as one word for a shell, in quotes.

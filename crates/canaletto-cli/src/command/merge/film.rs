@@ -9,10 +9,11 @@ use crate::frames::Frames;
 use crate::interrupt;
 use crate::output::{Output, film_failed};
 use crate::partial::UNFINISHED;
-use crate::sample_file::{SCENE_DIGEST, text_of};
+use crate::sample_file::{SCENE, SCENE_DIGEST, text_of};
 use canaletto::scene::Transfer;
 use canaletto_io::movie::{Movie, MovieFormat, MovieSettings, Rate};
 use canaletto_io::picture::{Decoded, decode};
+use canaletto_io::source::Timeline;
 use rayon::prelude::*;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ pub(super) fn film(
     let fps = flags.fps.or_else(|| text_of(&metadata, "fps")?.parse().ok());
     metadata.retain(|(key, _)| !OF_FRAMES.contains(&key.as_str()));
     metadata.push(("frames".into(), frames.to_string()));
-    let rate = Rate::new(fps.unwrap_or(DEFAULT_FPS));
+    let rate = Rate::new(fps.unwrap_or(Timeline::DEFAULT_FPS));
     let settings = MovieSettings {
         width: first.size[0],
         height: first.size[1],
@@ -75,9 +76,6 @@ pub(super) fn film(
     }
     Ok(Exit::Done)
 }
-
-/// The frames per second of scenes that don't say them.
-const DEFAULT_FPS: f64 = 25.0;
 
 fn decoded(path: &Path) -> Result<Decoded, Failure> {
     let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
@@ -123,7 +121,7 @@ fn compare(first: &FrameFile, file: &FrameFile) -> Result<(), Failure> {
     let of = |file: &FrameFile, key: &str| text_of(&file.texts, key).unwrap_or_else(|| "none".to_owned());
     let keys = || first.texts.iter().chain(&file.texts).map(|(key, _)| key.as_str());
     // The fingerprint is that of one frame, as it counts where the camera is.
-    let is_compared = |key: &&str| !["frame", "scene", FINGERPRINT, SCENE_DIGEST].contains(key);
+    let is_compared = |key: &&str| !["frame", SCENE, FINGERPRINT, SCENE_DIGEST].contains(key);
     for key in ["Software", SCENE_DIGEST].into_iter().chain(keys().filter(is_compared)) {
         let (own, others) = (of(file, key), of(first, key));
         match key {

@@ -13,7 +13,7 @@ use crate::output::{Output, OutputFlags, unfit};
 use crate::output_format::Format;
 use crate::part::{Cut, PART, PICTURE_TEXTS};
 use crate::partial::UNFINISHED;
-use crate::sample_file::{SCENE_DIGEST, SCENE_FILES, sample_texts, text_of};
+use crate::sample_file::{SCENE, SCENE_DIGEST, SCENE_FILES, nameless, picture_texts, sample_texts, text_of};
 use crate::source::on_threads;
 use crate::told_developing::ToldDeveloping;
 use canaletto::Named;
@@ -86,8 +86,6 @@ struct PartFile<'f> {
     texts: Vec<(String, String)>,
 }
 
-/// The key of the text of the scene's name.
-const SCENE: &str = "scene";
 /// The texts that differ from part to part.
 const OWN: [&str; 3] = [PART, SAMPLES_TEXT, UNFINISHED];
 
@@ -171,12 +169,6 @@ impl PartFile<'_> {
         text_of(&self.texts, key)
     }
 
-    /// The texts of the whole picture.
-    fn picture_texts(&self) -> Vec<(String, String)> {
-        let text = self.text(PICTURE_TEXTS);
-        text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
-    }
-
     /// The width and height of the camera's picture.
     fn whole_size(&self) -> [u32; 2] {
         let size = self.text("size");
@@ -258,17 +250,11 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
         }
     }
     if (part.cut.of_samples, part.cut.of_area) != (first.cut.of_samples, first.cut.of_area)
-        || nameless(part.picture_texts()) != nameless(first.picture_texts())
+        || nameless(picture_texts(&part.texts)) != nameless(picture_texts(&first.texts))
     {
         return refuse(Exit::PartSetting, "the whole pictures differ".into());
     }
     Ok(())
-}
-
-/// The texts without the scene's names.
-fn nameless(mut texts: Vec<(String, String)>) -> Vec<(String, String)> {
-    texts.retain(|(key, _)| ![SCENE, SCENE_FILES].contains(&key.as_str()));
-    texts
 }
 
 /// What the parts are to make: the whole picture, or the box around them.
@@ -436,7 +422,7 @@ fn encode_picture(
     whole: &Cut,
     flags: &MergeFlags,
 ) -> Result<Vec<u8>, Failure> {
-    let mut own = first.picture_texts();
+    let mut own = picture_texts(&first.texts);
     let has_layers = Format::Picture(format).has_layers();
     if !has_layers {
         own.retain(|(key, _)| ![SCENE_DIGEST, SCENE_FILES].contains(&key.as_str()));

@@ -208,6 +208,22 @@ impl RenderFlags {
         self.denoise.map_or_else(of_quality, |DenoiseFlag(denoiser)| denoiser)
     }
 
+    /// Opens the scene, and completes the flags by what follows from others.
+    pub(crate) fn open(&mut self) -> Result<Reader, Failure> {
+        if self.source.staging.turntable.is_some() {
+            self.frames.get_or_insert(FramesFlag::All);
+        }
+        self.prepared.resolve(&mut self.solution)?;
+        self.source.staging.plays = self.frames.is_some() || self.output.is_film();
+        let integrator = self.picture.integrator_of(&self.source);
+        let mut reader = Reader::open(&self.source, integrator, self.picture.max_depth)?;
+        reader.choose_camera(self.picture.camera.as_deref());
+        if let Some(fps) = self.fps {
+            reader.set_fps(fps);
+        }
+        Ok(reader)
+    }
+
     /// Checks that no flag asks for what parts of a picture can't have.
     pub(crate) fn check_part(&self) -> Result<(), Failure> {
         let backdrop = self.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
@@ -236,18 +252,8 @@ struct Task {
 impl Task {
     fn new(flags: RenderFlags) -> Result<Task, Failure> {
         let mut flags = flags;
-        if flags.source.staging.turntable.is_some() {
-            flags.frames.get_or_insert(FramesFlag::All);
-        }
-        flags.prepared.resolve(&mut flags.solution)?;
-        flags.source.staging.plays = flags.frames.is_some() || flags.output.is_film();
+        let mut reader = flags.open()?;
         let style = Style::new(flags.progress, flags.quiet);
-        let integrator = flags.picture.integrator_of(&flags.source);
-        let mut reader = Reader::open(&flags.source, integrator, flags.picture.max_depth)?;
-        reader.choose_camera(flags.picture.camera.as_deref());
-        if let Some(fps) = flags.fps {
-            reader.set_fps(fps);
-        }
         let plan = Plan::new(&flags, style, &mut reader)?;
         let task = Task { flags, plan, reader };
         let Task { flags, plan, .. } = &task;

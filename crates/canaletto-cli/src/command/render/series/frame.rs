@@ -398,7 +398,6 @@ impl Series<'_> {
         checkpoints: Option<&CheckpointWriter<'_>>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), Option<Arc<GuidingField>>>, Failure> {
-        let texts = frame_context.texts_of_samples();
         let prepared = &self.flags.prepared.prepared;
         if !is_guided(job) {
             return match prepared {
@@ -409,6 +408,7 @@ impl Series<'_> {
                 }
             };
         }
+        let texts = frame_context.texts_of_samples();
         if let Some(file) = prepared {
             let field = read_guiding("--prepared", file, (job, &texts))?;
             return Ok(ControlFlow::Continue(Some(Arc::new(field))));
