@@ -31,10 +31,10 @@ pub use path::{
     SampledSource, SourceSample,
 };
 pub(crate) use path::{PathTracer, PreparedPath, learn_field};
-pub use prepared::Preparation;
 pub(crate) use prepared::{
     Cancelled, IntegratorWorker, PreparedIntegrator, PreparedRayIntegrator, RayIntegrator, TileBlock,
 };
+pub use prepared::{HearsGuiding, Preparation};
 pub use probe::{EmittersTerm, LightTerm, Probe, RayKind};
 pub use radiosity::ShownLight;
 pub(crate) use radiosity::{BlendedLight, LightSource, PatchLight, PreparedRadiosity, Transport, blended};

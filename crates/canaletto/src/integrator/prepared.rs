@@ -8,21 +8,36 @@ use crate::job::{Aov, Job};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::world::World;
+use std::fmt::{self, Debug, Formatter};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// A callback that gets the number of rays traced so far and returns whether to cancel.
 pub(crate) type Cancelled<'a> = &'a (dyn Fn(u64) -> bool + Sync);
 
+/// A callback that hears of a field that path guiding learnt.
+pub type HearsGuiding<'s> = &'s (dyn Fn(&Arc<GuidingField>) + Sync);
+
 /// What preparing an integrator may start from, and what it keeps.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Default)]
 pub struct Preparation<'s> {
     /// A solution of radiosity that was found before. Other integrators have none.
     pub solution: Option<&'s Arc<RadiositySolution>>,
     /// What path guiding learnt before. Other integrators learn nothing.
     pub guiding: Option<&'s Arc<GuidingField>>,
+    /// What hears of the field that path guiding learnt, before the first tile. It isn't called if the field was given.
+    pub learnt: Option<HearsGuiding<'s>>,
     /// Whether radiosity keeps how light goes from patch to patch, for explanations. It takes memory.
     pub keeps_links: bool,
+}
+
+impl Debug for Preparation<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Preparation { solution, guiding, learnt: _, keeps_links } = self;
+        let mut fields = f.debug_struct("Preparation");
+        fields.field("solution", solution).field("guiding", guiding).field("keeps_links", keeps_links);
+        fields.finish_non_exhaustive()
+    }
 }
 
 /// An integrator that is prepared for a job in its world. Whatever takes time before the first tile is done.

@@ -90,7 +90,7 @@ impl Preparable for PathSettings {
         preparation: Preparation<'_>,
         observer: &dyn Observer,
     ) -> Result<ControlFlow<(), Box<dyn PreparedIntegrator + 'w>>, JobError> {
-        Ok(prepare_path(job, *self, preparation.guiding, observer)
+        Ok(prepare_path(job, *self, preparation, observer)
             .map_continue(|integrator| CameraRays::boxed(job, integrator)))
     }
 }

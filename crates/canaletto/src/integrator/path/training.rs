@@ -1,9 +1,9 @@
 //! The training of path guiding: paths through the whole picture that tell where light comes from.
 
 use super::{GuidingField, GuidingRecord, GuidingRecorder, PathTracer, PreparedPath};
-use crate::integrator::PreparedRayIntegrator;
 use crate::integrator::camera_rays::PixelRenderer;
 use crate::integrator::task_queue::TaskQueue;
+use crate::integrator::{Preparation, PreparedRayIntegrator};
 use crate::job::{Job, Observer, PlacedJob, SolvingPhase, SolvingProgress};
 use crate::scene::{Guiding, PathSettings, SamplerKind};
 use std::ops::ControlFlow;
@@ -117,23 +117,27 @@ impl<'w> TrainingPaths<'w> {
 }
 
 /// Prepares path tracing of a job, which learns where light comes from if the settings say so. Breaks if cancelled.
-///
-/// `guiding` is what was learnt before.
 pub(super) fn prepare_path(
     job: &PlacedJob,
     settings: PathSettings,
-    guiding: Option<&Arc<GuidingField>>,
+    Preparation { guiding, learnt, .. }: Preparation<'_>,
     observer: &dyn Observer,
 ) -> ControlFlow<(), PreparedPath> {
     let mut prepared = PreparedPath::new(job.world(), settings);
     if settings.guiding == Guiding::Off {
         return ControlFlow::Continue(prepared);
     }
-    let guide = match guiding {
-        Some(field) => Some(Arc::clone(field)),
-        None => train(&mut prepared, job, observer)?,
+    let field = match guiding {
+        Some(field) => Arc::clone(field),
+        None => {
+            let field = train(&mut prepared, job, observer)?;
+            if let Some(learnt) = learnt {
+                learnt(&field);
+            }
+            field
+        }
     };
-    prepared.set_guide(guide);
+    prepared.set_guide(Some(field));
     ControlFlow::Continue(prepared)
 }
 
@@ -149,24 +153,21 @@ pub(crate) fn learn_field(
     }
     let field = train(&mut PreparedPath::new(job.world(), settings), job, observer)?;
     // Nothing else holds the field by now.
-    ControlFlow::Continue(field.and_then(Arc::into_inner).unwrap_or_default())
+    ControlFlow::Continue(Arc::into_inner(field).unwrap_or_default())
 }
 
-/// Trains path guiding; none if it isn't worth its time. `prepared` is guided meanwhile, and by nothing afterwards.
-fn train(
-    prepared: &mut PreparedPath,
-    job: &PlacedJob,
-    observer: &dyn Observer,
-) -> ControlFlow<(), Option<Arc<GuidingField>>> {
+/// Trains path guiding. A field without cells says that it isn't worth its time. `prepared` is guided meanwhile, and by
+/// nothing afterwards.
+fn train(prepared: &mut PreparedPath, job: &PlacedJob, observer: &dyn Observer) -> ControlFlow<(), Arc<GuidingField>> {
     let settings = prepared.settings;
     let budget = training_paths(job);
     let training = TrainingPaths::new(job);
     let trace = |prepared: &PreparedPath, begun, count| training.trace(prepared, begun, count, observer);
     let is_auto = settings.guiding == Guiding::Auto;
     if is_auto && GuidingField::rarity(trace(prepared, 0, first_paths(job))?) < RARE {
-        return ControlFlow::Continue(None);
+        return ControlFlow::Continue(Arc::default());
     }
-    let mut last = None;
+    let mut last = Arc::default();
     let mut begun = 0;
     for round in 0..ROUNDS {
         observer.solving(&SolvingProgress {
@@ -182,12 +183,12 @@ fn train(
         // The paths of the first round weren't guided.
         let most = if is_last { WORTHWHILE } else { PROMISING };
         if is_auto && round > 0 && field.noise_ratio() > most {
-            last = None;
+            last = Arc::default();
             break;
         }
         let field = Arc::new(field);
         prepared.set_guide(Some(Arc::clone(&field)));
-        last = Some(field);
+        last = field;
     }
     prepared.set_guide(None);
     ControlFlow::Continue(last)

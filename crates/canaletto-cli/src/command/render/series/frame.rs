@@ -18,14 +18,13 @@ use crate::report::{Report, SampleReport, Times};
 use crate::sample_file::{add_part, add_samples, samples_of_file};
 use crate::solutions::SolutionSource;
 use canaletto::film::{Checkpoint, metered_exposure};
-use canaletto::integrator::GuidingField;
 use canaletto::integrator::radiosity::RadiositySolution;
-use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, learn_guiding, render_from};
+use canaletto::integrator::{GuidingField, HearsGuiding};
+use canaletto::render::{Job, JobError, Observer, Preparation, Rendering, render_from};
 use canaletto::scene::Developing;
 use canaletto::world::World;
 use canaletto_io::diagnostic::Diagnostics;
 use serde_json::json;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -34,8 +33,9 @@ use std::time::{Duration, Instant};
 pub(super) struct Prepared<'p, 'w> {
     /// What keeps the solution of radiosity, or has one.
     checkpoints: Option<&'p CheckpointWriter<'w>>,
-    /// What path guiding learnt.
+    /// What path guiding learnt before, and what hears of it when it learns.
     guiding: Option<&'p Arc<GuidingField>>,
+    learnt: Option<HearsGuiding<'p>>,
 }
 
 impl Series<'_> {
@@ -109,13 +109,17 @@ impl Series<'_> {
         });
         let observer = PassObserver::new(&watch, plan.style, frame, &flags.passes, preview, flags.quiet, outlook)
             .with_checkpoints(checkpoints.as_ref().map(|writer| writer as _));
-        let rendered = match self.guiding((frame_context, world, &job), checkpoints.as_ref(), &observer)? {
-            ControlFlow::Continue(guiding) => {
-                let prepared = Prepared { checkpoints: checkpoints.as_ref(), guiding: guiding.as_ref() };
-                self.rendering(frame_context, world, (&rendered_job, start), &observer, prepared)
+        let checkpoint_writer = checkpoints.as_ref();
+        let guiding = self.guiding(frame_context, &job, checkpoint_writer)?;
+        let keep_guiding = |field: &Arc<GuidingField>| {
+            let (field, job, texts) = (Arc::clone(field), job.clone(), frame_context.texts_of_samples());
+            if let Some(writer) = checkpoint_writer {
+                writer.keep_prepared(move |out| write_guiding(&field, (&job, &texts), out));
             }
-            ControlFlow::Break(()) => Ok((Rendering::unfinished(world, &rendered_job), None)),
         };
+        let prepared =
+            Prepared { checkpoints: checkpoint_writer, guiding: guiding.as_ref(), learnt: Some(&keep_guiding) };
+        let rendered = self.rendering(frame_context, world, (&rendered_job, start), &observer, prepared);
         let render = watch.finish().as_secs_f64();
         let (mut rendering, solution) = rendered?;
         // A signal after the last sample, or one that ended the passes, leaves a part, too.
@@ -363,7 +367,7 @@ impl Series<'_> {
         world: &World,
         (job, start): (&Job, Option<&Checkpoint>),
         observer: &dyn Observer,
-        Prepared { checkpoints, guiding }: Prepared<'_, '_>,
+        Prepared { checkpoints, guiding, learnt }: Prepared<'_, '_>,
     ) -> Result<(Rendering, Option<SolutionSource>), Failure> {
         let name = self.reader.name.clone();
         let of_session = |solution: Option<&Arc<RadiositySolution>>| {
@@ -371,7 +375,7 @@ impl Series<'_> {
                 JobError::Start(_) => Failure::new(Exit::Scene, format!("--continue: {e}")),
                 _ => Failure::new(Exit::Scene, format!("{name}: {e}")),
             };
-            let preparation = Preparation { solution, guiding, ..Preparation::default() };
+            let preparation = Preparation { solution, guiding, learnt, ..Preparation::default() };
             render_from(world, job, preparation, start, observer).map_err(failed)
         };
         let (Some(fingerprint), Some(settings)) = (&frame_context.fingerprint, job.description().radiosity()) else {
@@ -390,41 +394,27 @@ impl Series<'_> {
         Ok((of_session(Some(&solution))?, Some(source)))
     }
 
-    /// What path guiding knows of a picture: of --prepared, of a render that ended early, or learnt now. None if the
-    /// paths aren't guided. Breaks if a signal stops it.
+    /// What path guiding learnt of a picture before: in the file of --prepared, or in a render that ended early.
     fn guiding(
         &self,
-        (frame_context, world, job): (&FrameContext, &World, &Job),
+        frame_context: &FrameContext,
+        job: &Job,
         checkpoints: Option<&CheckpointWriter<'_>>,
-        observer: &dyn Observer,
-    ) -> Result<ControlFlow<(), Option<Arc<GuidingField>>>, Failure> {
+    ) -> Result<Option<Arc<GuidingField>>, Failure> {
         let prepared = &self.flags.prepared.prepared;
         if !is_guided(job) {
-            return match prepared {
-                None => Ok(ControlFlow::Continue(None)),
-                Some(file) => {
-                    let message = format!("--prepared {}: the picture needs nothing prepared", file.display());
-                    Err(Failure::usage(message).help("leave it out: it is for radiosity, and for paths with guiding"))
-                }
-            };
+            return prepared.as_ref().map_or(Ok(None), |file| {
+                let message = format!("--prepared {}: the picture needs nothing prepared", file.display());
+                Err(Failure::usage(message).help("leave it out: it is for radiosity, and for paths with guiding"))
+            });
         }
         let texts = frame_context.texts_of_samples();
         if let Some(file) = prepared {
-            let field = read_guiding("--prepared", file, (job, &texts))?;
-            return Ok(ControlFlow::Continue(Some(Arc::new(field))));
+            return Ok(Some(Arc::new(read_guiding("--prepared", file, (job, &texts))?)));
         }
-        let Some(checkpoints) = checkpoints else { return Ok(ControlFlow::Continue(None)) };
-        if let Ok(field) = read_guiding("--checkpoint", &checkpoints.prepared_file(), (job, &texts)) {
-            return Ok(ControlFlow::Continue(Some(Arc::new(field))));
-        }
-        let learnt = learn_guiding(world, job, observer);
-        let learnt = learnt.map_err(|e| Failure::new(Exit::Scene, format!("{}: {e}", self.reader.name)))?;
-        Ok(learnt.map_continue(|field| {
-            let field = Arc::new(field);
-            let (own, job) = (Arc::clone(&field), job.clone());
-            checkpoints.keep_prepared(move |out| write_guiding(&own, (&job, &texts), out));
-            Some(field)
-        }))
+        let kept = checkpoints
+            .map(|checkpoints| read_guiding("--checkpoint", &checkpoints.prepared_file(), (job, &texts)).map(Arc::new));
+        Ok(kept.and_then(Result::ok))
     }
 
     /// The time of the first solve, if it was for this frame. The next frames may need none.

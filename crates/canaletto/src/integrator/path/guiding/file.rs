@@ -126,7 +126,7 @@ mod tests {
     use crate::world::World;
     use glam::Vec3;
     use std::ops::ControlFlow;
-    use std::sync::Arc;
+    use std::sync::{Arc, Mutex};
 
     /// A lamp above a block, which hides it, over a floor.
     fn world_and_job() -> (World, Job) {
@@ -164,9 +164,15 @@ mod tests {
     fn pictures_of_a_field_are_those_that_learn_it() {
         let (world, job) = world_and_job();
         let field = Arc::new(read(&bytes(&learnt_field())).unwrap().1);
-        let preparation = Preparation { guiding: Some(&field), ..Preparation::default() };
+        let heard = Mutex::new(Vec::new());
+        let hear = |field: &Arc<GuidingField>| heard.lock().unwrap().push(bytes(field));
+        let preparation = Preparation { guiding: Some(&field), learnt: Some(&hear), ..Preparation::default() };
         let given = render_from(&world, &job, preparation, None, &()).unwrap().picture;
         assert_eq!(given, render(&world, &job, &()).unwrap().picture);
+        assert!(heard.lock().unwrap().is_empty(), "nothing is learnt");
+        let preparation = Preparation { guiding: None, ..preparation };
+        assert_eq!(given, render_from(&world, &job, preparation, None, &()).unwrap().picture);
+        assert_eq!(*heard.lock().unwrap(), [bytes(&field)]);
         let empty = Arc::new(GuidingField::default());
         let preparation = Preparation { guiding: Some(&empty), ..Preparation::default() };
         assert_ne!(given, render_from(&world, &job, preparation, None, &()).unwrap().picture);
