@@ -3,7 +3,7 @@
 use crate::denoiser::with_layers;
 use crate::format::bytes;
 use crate::output_format::Format;
-use canaletto::film::block_sizes;
+use canaletto::film::block_count;
 use canaletto::render::{Aov, Job, PreparationMemory, while_prepared};
 use canaletto::world::World;
 use serde::Serialize;
@@ -111,7 +111,7 @@ fn samples(job: &Job) -> SampleMemory {
     let (first, count) = (job.first_sample, job.film.sampling.count());
     let keeps_halves = job.noise.is_some() || job.aovs.iter().any(|aov| aov.is_half());
     let block = if keeps_halves { 9 * NUMBER } else { 3 * NUMBER };
-    let blocks = block_sizes(first, first.saturating_add(count)).count() as u64;
+    let blocks = block_count(first, first.saturating_add(count)) as u64;
     // Passes from 16 samples on add a quarter of the highest digit, which makes up to three blocks.
     let most = blocks.max(match count {
         0..=2 => 1,

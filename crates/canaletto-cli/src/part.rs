@@ -156,7 +156,7 @@ fn share(part: Part, all: u32) -> [u32; 2] {
 
 impl Cut {
     /// Whether the part lies in a picture that can be.
-    pub(crate) fn is_sound(&self) -> bool {
+    fn is_sound(&self) -> bool {
         let within = |from: u32, size: u32, [start, whole]: [u32; 2]| {
             size > 0 && from >= start && u64::from(from) + u64::from(size) <= u64::from(start) + u64::from(whole)
         };
@@ -169,6 +169,20 @@ impl Cut {
             && start <= first
             && first < end
             && end <= stop
+    }
+
+    /// The part that the texts of a file tell, if they do.
+    pub(crate) fn of_texts(texts: &[(String, String)]) -> Option<Cut> {
+        let (_, text) = texts.iter().find(|(key, _)| key == PART)?;
+        serde_json::from_str(text).ok().filter(Cut::is_sound)
+    }
+
+    /// Its samples and rows in words.
+    pub(crate) fn words(&self) -> String {
+        let range = |[from, end]: [u32; 2]| format!("{from} to {}", end - 1);
+        let rows = |[_, y, _, height]: [u32; 4]| range([y, y + height]);
+        let [samples, of_samples] = [self.samples, self.of_samples].map(range);
+        format!("samples {samples} of {of_samples}, rows {} of {}", rows(self.area), rows(self.of_area))
     }
 
     /// Whether it has the first samples of its pixels.

@@ -74,7 +74,27 @@ fn parts_that_dont_fit_are_refused_by_name() {
     part(&folder, "--samples 32 --split tiles", "2/4", "rows.exr");
     part(&folder, "--samples 32 --integrator whitted", "2/4", "classic.exr");
     part(&folder, "--samples 32 --set material.wall.kd=0.5", "2/4", "set.exr");
+    for (name, flags) in [
+        ("independent", "--sampler independent"),
+        ("limited", "--clamp 3"),
+        ("denoised", "--denoise=fast"),
+        ("clamped", "--tone clamp"),
+        ("cropped", "--crop 0,0,40,36"),
+        ("short", "--max-depth 2"),
+        ("unshadowed", "--integrator whitted --no-shadows"),
+    ] {
+        part(&folder, &format!("--samples 32 {flags}"), "2/4", &format!("{name}.exr"));
+    }
+    folder.says("merge -q p1.exr p2.exr --as-part -o pair.exr", 0, &[]);
+    part(&folder, "--samples 32 --split tiles", "1/4", "top.exr");
+    part(&folder, "--samples 32 --split tiles", "4/4", "bottom.exr");
     folder.says("render s.kdl -q --samples 32 -o whole.exr", 0, &[]);
+    folder.says(
+        "info p2.exr",
+        0,
+        &["part        samples 8 to 15 of 0 to 31, rows 0 to 35 of 0 to 35", "makes all of it"],
+    );
+    folder.says("info p2.exr --json", 0, &["\"of_samples\": [", "\"part\": {"]);
     fs::write(folder.path("s.kdl"), SCENE.replace("radius 0.7", "radius 0.6")).unwrap();
     part(&folder, "--samples 32", "2/4", "scene.exr");
     let bytes = fs::read(folder.path("p2.exr")).unwrap();
@@ -86,6 +106,18 @@ fn parts_that_dont_fit_are_refused_by_name() {
     let mut other = bytes.clone();
     other[at + software.len() - 1] = b'9';
     fs::write(folder.path("version.exr"), other).unwrap();
+    let with = |old: &[u8], new: &[u8]| {
+        let at = bytes.windows(old.len()).position(|bytes| bytes == old).unwrap();
+        let mut other = bytes.clone();
+        other[at..at + new.len()].copy_from_slice(new);
+        other
+    };
+    fs::write(folder.path("claims.exr"), with(b"{\"samples\":[8,16]", b"{\"samples\":[8,99]")).unwrap();
+    fs::write(folder.path("mute.exr"), with(b"{\"samples\"", b"{\"sampled\"")).unwrap();
+    fs::write(folder.path("shifted.exr"), with(b"\"area\":[0,0,48,36]", b"\"area\":[0,0,48,35]")).unwrap();
+    fs::write(folder.path("head.exr"), with(b"channels\0chlist", b"channels\0chl1st")).unwrap();
+    folder.says("render s.kdl -q --samples 1 -o png.png", 0, &[]);
+    fs::rename(folder.path("png.png"), folder.path("png.exr")).unwrap();
     let mut bent = bytes.clone();
     let end = bent.len() - 200;
     bent[end] ^= 1;
@@ -109,6 +141,20 @@ fn parts_that_dont_fit_are_refused_by_name() {
         ("p1.exr text.exr p3.exr p4.exr", 16, "text.exr: "),
         ("p1.exr whole.exr p3.exr p4.exr", 16, "it is no part of a picture"),
         ("p1.exr gone.exr p3.exr p4.exr", 16, "gone.exr: "),
+        ("p1.exr png.exr p3.exr p4.exr", 16, "png.exr: "),
+        ("p1.exr head.exr p3.exr p4.exr", 16, "head.exr: "),
+        ("p1.exr mute.exr p3.exr p4.exr", 16, "it is no part of a picture"),
+        ("p1.exr claims.exr p3.exr p4.exr", 16, "it is no part of a picture"),
+        ("p1.exr shifted.exr p3.exr p4.exr", 16, "its size isn't the one that its text says"),
+        ("p1.exr pair.exr p3.exr p4.exr", 12, "pair.exr have samples 0 to 7 in common"),
+        ("top.exr bottom.exr", 10, "parts are missing: samples 0 to 31 of rows 8 to "),
+        ("p1.exr independent.exr p3.exr p4.exr", 14, "its sampler is independent"),
+        ("p1.exr limited.exr p3.exr p4.exr", 14, "its clamp is 3"),
+        ("p1.exr denoised.exr p3.exr p4.exr", 14, "its denoiser is fast, not none"),
+        ("p1.exr clamped.exr p3.exr p4.exr", 14, "its tone is clamp"),
+        ("p1.exr cropped.exr p3.exr p4.exr", 14, "its crop is 0 0 40 36, not none"),
+        ("p1.exr short.exr p3.exr p4.exr", 14, "its max-depth is 2"),
+        ("p1.exr unshadowed.exr p3.exr p4.exr", 14, "its integrator is whitted, not path"),
     ] {
         folder.says(&format!("merge {parts} -o m.exr"), code, &[said]);
         assert!(!folder.path("m.exr").exists(), "{parts}");

@@ -38,7 +38,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
         },
         encode: |rendered, settings, texts, goes_on| {
             let image = Image::from_picture(rendered.picture);
-            let bytes = encode_exr_while(&image, ExrOptions::from(settings), texts, goes_on)?;
+            let bytes = encode_exr_while(image, ExrOptions::from(settings), texts, goes_on)?;
             Ok(bytes.unwrap_or_default())
         },
         encode_image: |image, _, settings, texts| encode_exr(image, ExrOptions::from(settings), texts),
@@ -59,7 +59,7 @@ pub(super) const FORMAT: FormatInfo = FormatInfo {
 
 /// The number of bits of colours, or of the widest channel where there are none. Channels are named, and are half
 /// floats or not.
-fn bits<'a>(channels: impl Iterator<Item = (&'a str, bool)> + Clone) -> u8 {
+pub(super) fn bits<'a>(channels: impl Iterator<Item = (&'a str, bool)> + Clone) -> u8 {
     let is_color = |channel: &(&str, bool)| ["R", "G", "B", "Y"].contains(&channel.0);
     let has_colors = channels.clone().any(|channel| is_color(&channel));
     let mut counted = channels.filter(|channel| !has_colors || is_color(channel));
@@ -102,17 +102,17 @@ pub(super) fn encode_exr(
     options: ExrOptions,
     metadata: &[(String, String)],
 ) -> Result<Vec<u8>, PictureError> {
-    Ok(encode_exr_while(image, options, metadata, &|| true)?.unwrap_or_default())
+    Ok(encode_exr_while(image.clone(), options, metadata, &|| true)?.unwrap_or_default())
 }
 
 /// As [`encode_exr`], but ends soon without bytes when `goes_on` returns false.
 fn encode_exr_while(
-    image: &Image,
+    image: Image,
     options: ExrOptions,
     metadata: &[(String, String)],
     goes_on: GoesOn<'_>,
 ) -> Result<Option<Vec<u8>>, PictureError> {
-    check(image)?;
+    check(&image)?;
     let name = |text: &str| {
         if text.is_empty() || text.len() > 255 || text.contains('\0') {
             let message = format!("{text:?} can't be a name in an EXR file: it needs 1 to 255 bytes, none of them 0");
@@ -120,20 +120,13 @@ fn encode_exr_while(
         }
         Ok(to_utf8(text))
     };
-    let mut channels = Vec::new();
-    for channel in &image.channels {
-        if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == to_utf8(&channel.name)) {
-            return Err(PictureError::Unfit(format!("channel {} is there twice", channel.name)));
-        }
-        channels.push(ex::AnyChannel::new(name(&channel.name)?, samples(channel, options)));
-    }
     let mut attributes = ex::LayerAttributes { software_name: Some(SOFTWARE.into()), ..Default::default() };
     let stored = |channel: &Channel, kind: Kind, pixel: usize| match channel.ids.get(pixel) {
         Some(id) => *id as f32,
         None => kind.stored(channel.data[pixel]),
     };
     let kind_of = |channel: &Channel| kind(&channel.name, options);
-    let pixels = (PIXEL_HASH.to_owned(), hash(image, kind_of, stored).text());
+    let pixels = (PIXEL_HASH.to_owned(), hash(&image, kind_of, stored).text());
     for (key, value) in metadata.iter().filter(|(key, _)| key != PIXEL_HASH).chain([&pixels]) {
         attributes.other.insert(name(key)?, ex::AttributeValue::Text(to_utf8(value)));
     }
@@ -144,6 +137,13 @@ fn encode_exr_while(
     attributes.layer_position = ex::Vec2(window.at[0], window.at[1]);
     let whole = ex::ImageAttributes::new(ex::IntegerBounds::new((0, 0), (width, height)));
     let size = (image.width as usize, image.height as usize);
+    let mut channels = Vec::new();
+    for channel in image.channels {
+        if channels.iter().any(|c: &ex::AnyChannel<_>| c.name == to_utf8(&channel.name)) {
+            return Err(PictureError::Unfit(format!("channel {} is there twice", channel.name)));
+        }
+        channels.push(ex::AnyChannel::new(name(&channel.name)?, samples(channel, options)));
+    }
     let layer = ex::Layer::new(size, attributes, encoding, ex::AnyChannels::sort(channels.into_iter().collect()));
     let mut out = Stopping { bytes: Cursor::new(Vec::new()), goes_on };
     if let Err(error) = ex::Image::new(whole, layer).write().to_buffered(&mut out) {
@@ -177,12 +177,12 @@ impl Seek for Stopping<'_> {
 }
 
 /// The samples of a channel in the type that the options select.
-fn samples(channel: &Channel, options: ExrOptions) -> ex::FlatSamples {
+fn samples(channel: Channel, options: ExrOptions) -> ex::FlatSamples {
     match kind(&channel.name, options) {
         Kind::Half => ex::FlatSamples::F16(channel.data.iter().map(|v| Kind::half(*v)).collect()),
-        _ if !channel.ids.is_empty() => ex::FlatSamples::U32(channel.ids.clone()),
+        _ if !channel.ids.is_empty() => ex::FlatSamples::U32(channel.ids),
         Kind::Uint => ex::FlatSamples::U32(channel.data.iter().map(|v| *v as u32).collect()),
-        Kind::Float => ex::FlatSamples::F32(channel.data.clone()),
+        Kind::Float => ex::FlatSamples::F32(channel.data),
     }
 }
 
@@ -216,7 +216,7 @@ fn to_utf8(text: &str) -> ex::Text {
 }
 
 /// Decodes a text as UTF-8, or else as Latin-1, as in files of older programs.
-fn from_utf8(text: &ex::Text) -> String {
+pub(super) fn from_utf8(text: &ex::Text) -> String {
     String::from_utf8(text.bytes().to_vec()).unwrap_or_else(|_| text.to_string())
 }
 
@@ -264,11 +264,7 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     let main = file.parts().iter().position(|part| part.channels.list.iter().any(|c| is_color(&c.name))).unwrap_or(0);
     let first = file.parts().get(main).ok_or_else(|| damaged("it has no picture"))?;
     let (size, position) = (first.layer_size, first.own_attributes.layer_position);
-    let display = first.shared_attributes.display_window;
-    let window = Window {
-        at: [position.x() - display.position.x(), position.y() - display.position.y()],
-        whole: [display.size.x() as u32, display.size.y() as u32],
-    };
+    let window = window_of(first);
     // Parts of another size, such as proxies, aren't aligned with the picture. They are only listed by name.
     let fits = |part: &Header| part.layer_size == size && part.own_attributes.layer_position == position;
     let (width, height) = (size.x(), size.y());
@@ -341,8 +337,17 @@ pub(super) fn decode_exr(bytes: &[u8]) -> Result<Decoded, PictureError> {
     })
 }
 
+/// The place of a part in the whole picture.
+pub(super) fn window_of(header: &Header) -> Window {
+    let (position, display) = (header.own_attributes.layer_position, header.shared_attributes.display_window);
+    Window {
+        at: [position.x() - display.position.x(), position.y() - display.position.y()],
+        whole: [display.size.x() as u32, display.size.y() as u32],
+    }
+}
+
 /// The texts of a part, in no order.
-fn texts_of(header: &Header) -> Vec<(String, String)> {
+pub(super) fn texts_of(header: &Header) -> Vec<(String, String)> {
     let attributes = &header.own_attributes;
     let mut texts = Vec::new();
     for (key, value) in &attributes.other {
@@ -352,18 +357,6 @@ fn texts_of(header: &Header) -> Vec<(String, String)> {
     }
     texts.extend(attributes.software_name.as_ref().map(|name| ("Software".to_owned(), from_utf8(name))));
     texts
-}
-
-/// The texts of an EXR of one part, sorted, without a look at its pixels.
-///
-/// # Errors
-/// [`PictureError`] if the file's head can't be read.
-pub fn exr_texts(bytes: &[u8]) -> Result<Vec<(String, String)>, PictureError> {
-    let file = File::open(bytes)?;
-    let mut texts: Vec<(String, String)> = file.parts().iter().take(1).flat_map(texts_of).collect();
-    texts.sort();
-    texts.retain(|(key, _)| key != PIXEL_HASH);
-    Ok(texts)
 }
 
 /// The hash of an image whose channels have these types, and these values at a pixel.

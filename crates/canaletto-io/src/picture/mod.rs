@@ -19,6 +19,8 @@ mod png;
 mod pnm;
 mod rest;
 mod samples;
+#[cfg(feature = "exr")]
+mod scan_line_file;
 mod ssim;
 mod temporary;
 mod texture;
@@ -32,15 +34,16 @@ mod xmp;
 pub(crate) use self::png::png_texts;
 pub use channels::{channel_names, layer_channel_names};
 pub use compare::{Comparison, Difference, Unequal, compare, difference, differing};
-#[cfg(feature = "exr")]
-pub use exr::exr_texts;
 pub use flip::{Flip, PIXELS_PER_DEGREE, flip};
 pub use format::{
     Capabilities, Compression, EncodeSettings, PartError, PictureFormat, Rendered, SeekWrite, announced_size, decode,
 };
 pub use label::{CHARACTER_WIDTH, Canvas, LINE_HEIGHT, text_width};
+pub use pixel_hash::PixelHash;
 pub use rest::{ChannelDifference, RestDifference};
 pub use samples::{SAMPLES_TEXT, SamplesError, read_samples};
+#[cfg(feature = "exr")]
+pub use scan_line_file::{Rows, ScanLineError, ScanLineFile};
 pub use ssim::ssim;
 pub use temporary::sweep;
 pub(crate) use texture::image_of_texture;

@@ -5,9 +5,9 @@ use canaletto::WordHash;
 /// The key of the text that holds the hash.
 pub(super) const PIXEL_HASH: &str = "pixel-hash";
 
-/// A hash of the rows of channels, in any order.
+/// The hash of rows of channels, in any order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct PixelHash(u64);
+pub struct PixelHash(u64);
 
 impl PixelHash {
     /// Adds the values of a row, as they are read from the file. A row of zeros adds nothing.
@@ -23,6 +23,11 @@ impl PixelHash {
         if any != 0 {
             self.0 = self.0.wrapping_add(hash.finish());
         }
+    }
+
+    /// The hash of the rows of both.
+    pub fn with(self, other: PixelHash) -> PixelHash {
+        PixelHash(self.0.wrapping_add(other.0))
     }
 
     /// The hash as 16 hexadecimal digits.

@@ -5,7 +5,7 @@
 
 use super::Decoded;
 use super::channels::channel_name;
-use canaletto::film::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, SampleBlocks, block_sizes};
+use canaletto::film::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, SampleBlocks, block_count};
 use canaletto::math::Rgb;
 use canaletto::scene::Sampling;
 
@@ -67,7 +67,7 @@ pub fn read_samples(decoded: &Decoded, first: u32) -> Result<SampleBlocks, Sampl
         };
         Ok([of("R")?, of("G")?, of("B")?])
     };
-    let blocks = |count: u32| block_sizes(first, first + count).count();
+    let blocks = |count: u32| block_count(first, first + count);
     let most_blocks = counts.iter().map(|count| blocks(*count)).max().unwrap_or(0);
     let noisy = || channels(NOISY).or_else(|_| channels(""));
     let layers = match most_blocks {

@@ -22,7 +22,7 @@ pub(crate) use filter::value as filter_value;
 pub use filter::{Division, FilterTable, Part};
 pub use half_buffers::HalfBuffers;
 pub use picture::{Layer, Picture, unpremultiplied};
-pub use sample_blocks::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, BlockMean, SampleBlocks, block_sizes};
+pub use sample_blocks::{BLOCK_HALF_LAYERS, BLOCK_LAYERS, BlockMean, SampleBlocks, block_count, block_sizes};
 pub use sample_statistics::{ClampOutlook, NoiseOutlook, NoisiestPixels, SamplePlace, SampleStatistics, SamplesLeft};
 pub(crate) use tile_buffer::{Accumulation, TileBuffer, WeightedSum};
 pub use tone::{Agx, PbrNeutral};

@@ -103,13 +103,23 @@ pub fn block_sizes(first: u32, end: u32) -> impl Iterator<Item = u32> + Clone {
     .map(|(_, size)| size)
 }
 
+/// The number of [`block_sizes`].
+pub fn block_count(first: u32, end: u32) -> usize {
+    if first >= end {
+        return 0;
+    }
+    // Blocks grow up to the largest power of two that divides a number of the range, and shrink from there.
+    let top = end >> (first ^ end).ilog2() << (first ^ end).ilog2();
+    ((top - first).count_ones() + (end - top).count_ones()) as usize
+}
+
 /// Equal samples: what a pixel has room for doesn't count.
 impl PartialEq for SampleBlocks {
     fn eq(&self, other: &SampleBlocks) -> bool {
         let key = |blocks: &SampleBlocks| (blocks.size(), blocks.first, blocks.keeps_halves());
         let means = |blocks: &SampleBlocks, pixel: usize| {
             let place = pixel * blocks.room;
-            let used = place..place + blocks.block_sizes(blocks.counts[pixel]).count();
+            let used = place..place + blocks.block_count(blocks.counts[pixel]);
             (blocks.means[used.clone()].to_vec(), blocks.halves.get(used).map(<[_]>::to_vec))
         };
         key(self) == key(other)
@@ -141,7 +151,7 @@ impl SampleBlocks {
     ) -> SampleBlocks {
         let mut blocks = SampleBlocks::new(size, first, halves.is_some());
         for (pixel, &count) in counts[..blocks.counts.len()].iter().enumerate() {
-            let number = blocks.block_sizes(count).count();
+            let number = blocks.block_count(count);
             blocks.grow(number);
             blocks.counts[pixel] = count;
             for block in 0..number {
@@ -183,12 +193,9 @@ impl SampleBlocks {
     /// A layer of values of one block of each pixel, by their places; black where a pixel has fewer blocks.
     fn layer(&self, name: &'static str, block: usize, value: impl Fn(usize) -> Rgb) -> Layer {
         let mut data = Vec::with_capacity(self.counts.len() * 3);
-        let mut last = (0, 0);
         for (pixel, &count) in self.counts.iter().enumerate() {
-            if count != last.0 {
-                last = (count, self.block_sizes(count).count());
-            }
-            let color = if block < last.1 { value(pixel * self.room + block) } else { Rgb::BLACK };
+            let is_there = block < self.block_count(count);
+            let color = if is_there { value(pixel * self.room + block) } else { Rgb::BLACK };
             data.extend(color.to_array());
         }
         Layer { name, channels: &["R", "G", "B"], data, ids: Vec::new() }
@@ -232,14 +239,11 @@ impl SampleBlocks {
 
     /// The largest number of blocks of a pixel.
     pub fn most_blocks(&self) -> usize {
-        let mut last = (0, 0);
-        let blocks = self.counts.iter().map(|&count| {
-            if count != last.0 {
-                last = (count, self.block_sizes(count).count());
-            }
-            last.1
-        });
-        blocks.max().unwrap_or(0)
+        self.counts.iter().map(|count| self.block_count(*count)).max().unwrap_or(0)
+    }
+
+    fn block_count(&self, count: u32) -> usize {
+        block_count(self.first, self.first + count)
     }
 
     fn block_sizes(&self, count: u32) -> impl Iterator<Item = u32> + Clone + use<> {
@@ -255,7 +259,7 @@ impl SampleBlocks {
     /// before it.
     pub(crate) fn push(&mut self, pixel: usize, size: u32, block: BlockMean) {
         let count = self.counts[pixel];
-        let mut blocks = self.block_sizes(count).count();
+        let mut blocks = self.block_count(count);
         let (mut start, mut joined, mut block) = (self.first + count, size, block);
         debug_assert!(start.is_multiple_of(size));
         // As in binary addition: the block and the one before it, of equal size, are halves of a larger one.
@@ -274,23 +278,6 @@ impl SampleBlocks {
         self.counts[pixel] = count + size;
     }
 
-    /// Adds the samples of equally many pixels that come next. Returns whether they do: everywhere the first of them
-    /// has the number after the last of these, and none is added otherwise.
-    pub(crate) fn append(&mut self, next: &SampleBlocks) -> bool {
-        let ends = self.counts.iter().zip(&next.counts).filter(|(_, added)| **added > 0);
-        if self.size() != next.size() || !ends.map(|(count, _)| self.first + count).all(|end| end == next.first) {
-            return false;
-        }
-        for pixel in 0..next.counts.len() {
-            let place = pixel * next.room;
-            for (block, (size, mean)) in next.blocks(pixel).enumerate() {
-                let halves = next.halves.get(place + block).copied().unwrap_or(UNKNOWN);
-                self.push(pixel, size, BlockMean { mean, halves });
-            }
-        }
-        true
-    }
-
     /// Adds the samples of a rectangle of these pixels that come next, with its upper left corner at x and y. Returns
     /// whether they do: everywhere the first of them has the number after the last of these, and none is added
     /// otherwise.
@@ -300,12 +287,25 @@ impl SampleBlocks {
         if !fits(x, width, self.width) || !fits(y, height, self.height) {
             return false;
         }
-        let mut area = self.part([x, y, width, height], self.keeps_halves());
-        let fits = area.append(part);
-        if fits {
-            self.insert(&area, [x, y]);
+        let own_width = self.width as usize;
+        let row = |row: u32| {
+            let start = (y + row) as usize * own_width + x as usize;
+            let pixels = (row * width) as usize..((row + 1) * width) as usize;
+            (start..).zip(pixels)
+        };
+        let comes_next =
+            |(own, pixel): (usize, usize)| part.counts[pixel] == 0 || self.first + self.counts[own] == part.first;
+        if !(0..height).flat_map(row).all(comes_next) {
+            return false;
         }
-        fits
+        for (own, pixel) in (0..height).flat_map(row) {
+            let place = pixel * part.room;
+            for (block, (size, mean)) in part.blocks(pixel).enumerate() {
+                let halves = part.halves.get(place + block).copied().unwrap_or(UNKNOWN);
+                self.push(own, size, BlockMean { mean, halves });
+            }
+        }
+        true
     }
 
     /// The picture of these samples, without layers.
@@ -410,6 +410,9 @@ mod tests {
         assert_eq!(of(48, 80), [16, 16]);
         assert_eq!(of(5, 5), [0u32; 0]);
         assert_eq!(of(0, 65_536), [65_536]);
+        for first in 0..70 {
+            (0..140).for_each(|end| assert_eq!(block_count(first, end), of(first, end).len(), "{first} to {end}"));
+        }
     }
 
     #[test]

@@ -285,7 +285,7 @@ impl<'w> Session<'w> {
             let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
             let [x, y, width, height] = tile.area;
             let part = samples.part([x - left, y - top, width, height], tile.blocks.keeps_halves());
-            if !tile.blocks.append(&part) {
+            if !tile.blocks.merge(&part, [0, 0]) {
                 let problem =
                     format!("they begin with number {}, which isn't the next one everywhere", samples.first());
                 return Err(JobError::Start(problem));

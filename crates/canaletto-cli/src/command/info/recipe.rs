@@ -2,6 +2,7 @@
 
 use crate::complete::PICTURE_TRANSFER;
 use crate::model::is_model;
+use crate::part::PART;
 use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE};
 use crate::told_developing::exposure_text;
 use canaletto::Named;
@@ -76,7 +77,9 @@ impl Recipe {
         flags.with("--bits", Some(decoded.bits.to_string()).filter(|_| Some(decoded.bits) != default));
         let is_film = format == PictureFormat::Png && text("frames").is_some();
         flags.with("--format", is_film.then_some("apng"));
-        flags.with("--output", Some(without_layer(path, text("layer")).display().to_string()));
+        // The whole picture takes no part's place.
+        let file = || without_layer(path, text("layer")).display().to_string();
+        flags.with("--output", text(PART).is_none().then(file));
         Some(Recipe { arguments: flags.0, scene })
     }
 

@@ -1,9 +1,10 @@
 //! `canaletto merge`: the parts of a picture or the frames of a film as one, with the bytes of one render.
 
 mod film;
+mod join;
 
 use crate::command_files::CommandFiles;
-use crate::denoiser::{Denoiser, FEATURES, HALVES, lacks, of_rendering, told};
+use crate::denoiser::{Denoiser, HALVES, lacks, of_rendering, told};
 use crate::digest::{FileChange, changed_file};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, reason};
@@ -16,15 +17,13 @@ use crate::partial::UNFINISHED;
 use crate::sample_file::{SCENE, SCENE_DIGEST, SCENE_FILES, nameless, picture_texts, sample_texts, text_of};
 use crate::source::on_threads;
 use crate::told_developing::ToldDeveloping;
-use canaletto::Named;
-use canaletto::film::{Layer, Picture, SampleBlocks};
-use canaletto::math::Rgb;
+use canaletto::film::{Layer, Picture};
 use canaletto::scene::Developing;
 use canaletto_io::picture::{
-    Compression, Decoded, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, Window, decode, exr_texts,
-    read_samples,
+    Compression, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, ScanLineError, ScanLineFile, Window,
 };
 use clap::{Args, ValueEnum};
+use join::{Made, join};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -78,9 +77,10 @@ pub(crate) fn run(flags: &MergeFlags) -> Result<Exit, Failure> {
     on_threads(flags.threads, || merge(flags))?
 }
 
-/// A part without its pixels.
+/// A part, whose pixels are in its file.
 struct PartFile<'f> {
     path: &'f Path,
+    file: ScanLineFile,
     cut: Cut,
     /// The texts by which parts are compared.
     texts: Vec<(String, String)>,
@@ -107,13 +107,12 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
         Format::Picture(format) => format,
         Format::Movie(format) => return film::film(flags, &paths, &output, format),
     };
-    // No two parts are in memory at once.
     let mut parts = paths.iter().map(|path| read(path)).collect::<Result<Vec<_>, Failure>>()?;
     parts.iter().skip(1).try_for_each(|part| compare(&parts[0], part))?;
     parts.sort_by_key(|part| (part.cut.samples[0], part.cut.area[1]));
     let whole = extent(&parts, flags.as_part);
     check_cover(&parts, &whole, flags.partial)?;
-    let made = join(&parts, &whole, flags.partial)?;
+    let made = join(&parts, whole, flags.partial)?;
     let is_whole = made.share == 1.0;
     let bytes = match flags.as_part {
         true => encode_part(made, &parts[0], whole)?,
@@ -184,39 +183,30 @@ fn failed(path: &Path, exit: Exit, message: &str) -> Failure {
     Failure::new(exit, format!("{}: {message}", path.display()))
 }
 
-fn bytes_of(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|error| failed(path, Exit::PartUnreadable, &reason(&error)))
+/// Why a file can't be read.
+fn why(error: &ScanLineError) -> String {
+    match error {
+        ScanLineError::Io(error) => reason(error),
+        other => other.to_string(),
+    }
 }
 
 /// Reads a part without its pixels.
 fn read(path: &Path) -> Result<PartFile<'_>, Failure> {
     let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
-    let texts = exr_texts(&bytes_of(path)?).map_err(|error| unreadable(&error.to_string()))?;
-    let cut = text_of(&texts, PART);
-    let Some(cut) = cut.and_then(|text| serde_json::from_str::<Cut>(&text).ok()).filter(Cut::is_sound) else {
+    let file = ScanLineFile::open(path).map_err(|error| unreadable(&why(&error)))?;
+    let texts = file.texts();
+    let Some(cut) = Cut::of_texts(texts) else {
         return Err(unreadable("it is no part of a picture that canaletto render --part made"));
     };
-    if text_of(&texts, UNFINISHED).is_some() {
+    if text_of(texts, UNFINISHED).is_some() {
         return Err(unreadable("it was interrupted, and isn't whole").help("the command that made it goes on with it"));
     }
-    let texts = texts.into_iter().filter(|(key, _)| !OWN.contains(&key.as_str())).collect();
-    Ok(PartFile { path, cut, texts })
-}
-
-/// Reads a part's pixels.
-fn read_pixels(PartFile { path, cut, .. }: &PartFile) -> Result<Decoded, Failure> {
-    let unreadable = |message: &str| failed(path, Exit::PartUnreadable, message);
-    let mut decoded = decode(&bytes_of(path)?).map_err(|error| unreadable(&error.to_string()))?;
-    if decoded.is_changed {
-        return Err(failed(path, Exit::PartChanged, "its pixels aren't those that were written")
-            .help("copy it again, or render this part again"));
-    }
-    if [decoded.image.width, decoded.image.height] != cut.area[2..] {
+    if file.size() != cut.area[2..] {
         return Err(unreadable("its size isn't the one that its text says"));
     }
-    let count = cut.samples[1] - cut.samples[0];
-    decoded.metadata = vec![(SAMPLES_TEXT.to_owned(), count.to_string())];
-    Ok(decoded)
+    let texts = texts.iter().filter(|(key, _)| !OWN.contains(&key.as_str())).cloned().collect();
+    Ok(PartFile { path, file, cut, texts })
 }
 
 /// Checks that two parts are of one picture.
@@ -243,7 +233,7 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
     // The scene counts by its contents. What the others follow from comes first.
     let is_compared = |key: &&str| ![PICTURE_TEXTS, SCENE, SCENE_FILES].contains(key);
     let keys = first.texts.iter().chain(&part.texts).map(|(key, _)| key.as_str()).filter(is_compared);
-    for key in ["integrator", "size", "camera", "seed"].into_iter().chain(keys) {
+    for key in ["integrator", "size", "camera", "seed", "tone"].into_iter().chain(keys) {
         let [a, b] = [part, first].map(|part| of(part, key).unwrap_or_else(|| "none".to_owned()));
         if a != b {
             return refuse(Exit::PartSetting, format!("its {key} is {a}, not {b}"));
@@ -332,72 +322,6 @@ fn missing(parts: &[PartFile], whole: &Cut) -> Vec<([u32; 2], [u32; 2])> {
     missing
 }
 
-/// What the parts make.
-struct Made {
-    samples: SampleBlocks,
-    /// The colours where not all samples are there.
-    colors: Option<Vec<Rgb>>,
-    features: Vec<Layer>,
-    /// The share of all samples that is there.
-    share: f64,
-}
-
-/// Joins the parts, in the order of their samples.
-fn join(parts: &[PartFile], whole: &Cut, is_partial: bool) -> Result<Made, Failure> {
-    let [left, top, width, height] = whole.area;
-    let pixels = width as usize * height as usize;
-    let mut samples: Option<SampleBlocks> = None;
-    let mut sums = vec![[0.0f64; 4]; if is_partial { pixels } else { 0 }];
-    let mut features: Vec<Layer> = Vec::new();
-    let mut there = 0.0;
-    for part in parts {
-        let own = read_pixels(part)?;
-        let unreadable = |message: &str| failed(part.path, Exit::PartUnreadable, message);
-        let blocks = read_samples(&own, part.cut.samples[0]).map_err(|error| unreadable(&error.to_string()))?;
-        let [x, y, own_width, own_height] = part.cut.area;
-        let at = [x - left, y - top];
-        let places = || (0..own_height).flat_map(move |row| (0..own_width).map(move |column| [column, row]));
-        let place = |[column, row]: [u32; 2]| ((at[1] + row) * width + at[0] + column) as usize;
-        there += f64::from(own_width) * f64::from(own_height) * f64::from(part.cut.samples[1] - part.cut.samples[0]);
-        if is_partial {
-            for (pixel, to) in places().enumerate() {
-                let weight = f64::from(blocks.counts()[pixel]);
-                let color = blocks.mean(pixel).to_array().map(f64::from);
-                let sum = &mut sums[place(to)];
-                (0..3).for_each(|i| sum[i] += weight * color[i]);
-                sum[3] += weight;
-            }
-        }
-        let all =
-            samples.get_or_insert_with(|| SampleBlocks::new([width, height], whole.samples[0], blocks.keeps_halves()));
-        if !all.merge(&blocks, at) && !is_partial {
-            return Err(unreadable("its samples don't follow those of the parts before it"));
-        }
-        for aov in FEATURES {
-            let channel = |name: &&'static str| own.image.channel(&format!("{}.{name}", aov.name().replace('-', "_")));
-            let Some(channels) = aov.channels().iter().map(channel).collect::<Option<Vec<_>>>() else { continue };
-            let index = features.iter().position(|layer| layer.name == aov.name()).unwrap_or_else(|| {
-                let data = vec![0.0; pixels * channels.len()];
-                features.push(Layer::new(aov.name(), aov.channels(), data));
-                features.len() - 1
-            });
-            for (pixel, to) in places().enumerate() {
-                let to = place(to) * channels.len();
-                (0..channels.len()).for_each(|i| features[index].data[to + i] = channels[i][pixel]);
-            }
-        }
-    }
-    let all = f64::from(width) * f64::from(height) * f64::from(whole.samples[1] - whole.samples[0]);
-    let share = there / all;
-    let color = |[r, g, b, weight]: &[f64; 4]| match *weight > 0.0 {
-        true => [r, g, b].map(|v| (v / weight) as f32).into(),
-        false => Rgb::BLACK,
-    };
-    let colors = (is_partial && share < 1.0).then(|| sums.iter().map(color).collect());
-    let samples = samples.ok_or_else(|| Failure::new(Exit::PartMissing, "there is no part"))?;
-    Ok(Made { samples, colors, features, share })
-}
-
 /// The bytes of a larger part.
 fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failure> {
     let mut picture = made.samples.picture();
@@ -408,6 +332,7 @@ fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failur
     texts.retain(|(key, _)| key != "Software");
     texts.push((PART.to_owned(), serde_json::to_string(&cut).unwrap_or_default()));
     texts.extend(sample_texts(&made.samples));
+    drop(made.samples);
     let window = Window { at: [cut.area[0] as i32, cut.area[1] as i32], whole: first.whole_size() };
     let settings = EncodeSettings { compression: Compression::Fast, window: Some(window), ..EncodeSettings::default() };
     let rendered = Rendered { picture: &picture, developing: Developing::default() };
@@ -416,7 +341,7 @@ fn encode_part(made: Made, first: &PartFile, cut: Cut) -> Result<Vec<u8>, Failur
 
 /// The bytes of the picture, as one render writes it.
 fn encode_picture(
-    made: Made,
+    mut made: Made,
     (format, settings): (PictureFormat, &EncodeSettings),
     first: &PartFile,
     whole: &Cut,
@@ -428,8 +353,8 @@ fn encode_picture(
         own.retain(|(key, _)| ![SCENE_DIGEST, SCENE_FILES].contains(&key.as_str()));
     }
     let mut picture = made.samples.picture();
-    if let Some(colors) = &made.colors {
-        picture.pixels.clone_from(colors);
+    if let Some(colors) = made.colors.take() {
+        picture.pixels = colors;
     }
     if let Some(denoiser) = text_of(&own, "denoiser").and_then(|name| Denoiser::from_str(&name, false).ok())
         && made.share == 1.0
@@ -446,11 +371,15 @@ fn encode_picture(
         own.extend(sample_texts(&made.samples));
         picture.layers.extend(made.samples.layers(&picture.pixels));
     }
+    let share = made.share;
+    drop(made);
     own.push(("frame".to_owned(), first.text("frame").unwrap_or_else(|| "0".to_owned())));
-    if made.share < 1.0 {
-        let percent = 100.0 * made.share;
+    if share < 1.0 {
+        let percent = 100.0 * share;
         own.push((UNFINISHED.to_owned(), format!("merged of {percent:.1}% of its samples")));
-        eprint_line(&format!("{percent:.1}% of the picture's samples are there"));
+        if !flags.quiet {
+            eprint_line(&format!("{percent:.1}% of the picture's samples are there"));
+        }
     }
     let [x, y, ..] = whole.area;
     let window = Window { at: [x as i32, y as i32], whole: first.whole_size() };

@@ -5,6 +5,10 @@
 //! compression is refused: the crate's decoder allocates as much memory as a block declares. It also has different
 //! kernels for different processors, which round differently (its `compression/dwa/discrete_cosine_transform`).
 
+mod scan_lines;
+
+pub(crate) use scan_lines::ScanLines;
+
 use super::{DENSEST, DWA, ImageError, ImageFormat, SMALL, decoder, is_within_budget, judge, room, with_memory};
 use crate::codec::is_exr;
 use crate::guard::guarded;
@@ -55,40 +59,7 @@ enum Place {
 impl<'a> File<'a> {
     /// Parses the headers and validates the sizes that they declare.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<File<'a>, ImageError> {
-        let end = headers_end(bytes)?;
-        let meta =
-            decoder(FORMAT, || MetaData::read_from_buffered(Cursor::new(&bytes[..end]), false).map_err(damaged))?;
-        let mut at = end;
-        let mut tables = Vec::new();
-        for header in &meta.headers {
-            if header.deep {
-                return Err(unsupported("deep data"));
-            }
-            match header.compression {
-                Compression::DWAA(_) | Compression::DWAB(_) => {
-                    return Err(unsupported(DWA));
-                }
-                Compression::HTJ2K32 | Compression::HTJ2K256 => return Err(unsupported("JPEG 2000 compression")),
-                _ => {}
-            }
-            if header.channels.list.is_empty() {
-                return Err(wrong("it has no channels"));
-            }
-            // The crate intends to refuse these, but its B44 decoder runs for seconds with a large sampling distance.
-            if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
-                let chroma = header.channels.list.iter().any(|c| c.name == *"RY" || c.name == *"BY");
-                return Err(unsupported(if chroma { CHROMA } else { "channels of fewer pixels than others" }));
-            }
-            let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
-            let pixel = pixel(header) as u64;
-            judge(FORMAT, width, height, (DENSEST * bytes.len() as u64).max(SMALL) / pixel.max(1), bytes.len())?;
-            let table = at..header.chunk_count.saturating_mul(8).saturating_add(at);
-            if table.end > bytes.len() {
-                return Err(wrong("it ends too early"));
-            }
-            at = table.end;
-            tables.push(table);
-        }
+        let (meta, tables) = parse_headers(bytes, bytes.len())?;
         Ok(File { bytes, meta, tables })
     }
 
@@ -118,7 +89,7 @@ impl<'a> File<'a> {
             });
             let (batch, later) = rest.split_at(few.count().max(1));
             rest = later;
-            let unpacked = batch.par_iter().map(|block| self.unpack(part, block)).collect();
+            let unpacked = batch.par_iter().map(|block| unpack(&self.meta, part, block)).collect();
             let unpacked = unpacked.into_iter().collect::<Result<Vec<Vec<u8>>, ImageError>>()?;
             for (block, data) in batch.iter().zip(&unpacked) {
                 for (row, line) in data.chunks_exact(block.width * pixel).enumerate() {
@@ -139,93 +110,138 @@ impl<'a> File<'a> {
         if is_within_budget(memory, self.bytes.len()) {
             return Ok(());
         }
-        blocks.par_iter().find_map_first(|block| self.unpack(part, block).err()).map_or(Ok(()), Err)
-    }
-
-    fn unpack(&self, part: usize, block: &Block) -> Result<Vec<u8>, ImageError> {
-        let compressed_pixels_le = block.packed.to_vec();
-        let compressed_block = match block.chunk {
-            Place::Line(y_coordinate) => {
-                CompressedBlock::ScanLine(CompressedScanLineBlock { y_coordinate, compressed_pixels_le })
-            }
-            Place::Tile(tile_index) => CompressedBlock::Tile(CompressedTileBlock {
-                coordinates: TileCoordinates { tile_index, level_index: Vec2(0, 0) },
-                compressed_pixels_le,
-            }),
-        };
-        let chunk = Chunk { layer_index: part, compressed_block };
-        let unpacked = guarded(|| UncompressedBlock::decompress_chunk(chunk, &self.meta, false));
-        let data = unpacked.ok_or_else(|| wrong("a block can't be unpacked"))?.map_err(damaged)?.data;
-        if data.len() != block.width * block.height * pixel(&self.meta.headers[part]) {
-            return Err(wrong("a block has another size than it should"));
-        }
-        Ok(data)
+        blocks.par_iter().find_map_first(|block| unpack(&self.meta, part, block).err()).map_or(Ok(()), Err)
     }
 
     /// The blocks of a part's finest level, each once.
     fn blocks(&self, part: usize) -> Result<Vec<Block<'a>>, ImageError> {
-        let header = &self.meta.headers[part];
-        let [width, height] = [header.layer_size.x(), header.layer_size.y()];
-        let number = |at: usize| -> Result<i32, ImageError> {
-            let bytes = self.bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
-            bytes.map(i32::from_le_bytes).ok_or_else(|| wrong("it ends too early"))
-        };
-        let many = self.meta.requirements.has_multiple_layers;
+        let size = self.meta.headers[part].layer_size;
         let mut blocks = Vec::new();
         let mut seen = HashSet::new();
         let mut pixels = 0;
         for offset in self.bytes[self.tables[part].clone()].as_chunks().0 {
             let offset = u64::from_le_bytes(*offset);
-            let Some(mut at) = usize::try_from(offset).ok().filter(|at| (8..self.bytes.len()).contains(at)) else {
+            let Some(at) = usize::try_from(offset).ok().filter(|at| (8..self.bytes.len()).contains(at)) else {
                 return Err(wrong("it wasn't written to its end: a block is missing"));
             };
-            if many {
-                if number(at)? != part as i32 {
-                    return Err(wrong("a block belongs to another part"));
-                }
-                at += 4;
-            }
-            let (chunk, x, y, most) = match header.blocks {
-                BlockDescription::ScanLines => {
-                    let line = number(at)?;
-                    let rows = header.compression.scan_lines_per_block();
-                    let y = i64::from(line) - i64::from(header.own_attributes.layer_position.y());
-                    let y = usize::try_from(y).ok().filter(|y| *y < height && y.is_multiple_of(rows));
-                    at += 4;
-                    (Place::Line(line), 0, y, [width, rows])
-                }
-                BlockDescription::Tiles(tiles) => {
-                    let [i, j, level_x, level_y] = [number(at)?, number(at + 4)?, number(at + 8)?, number(at + 12)?];
-                    at += 16;
-                    if level_x != 0 || level_y != 0 {
-                        continue;
-                    }
-                    let [i, j] = [i, j].map(|v| usize::try_from(v).unwrap_or(usize::MAX));
-                    let y = Some(j.saturating_mul(tiles.tile_size.y())).filter(|y| *y < height);
-                    let x = i.saturating_mul(tiles.tile_size.x());
-                    (Place::Tile(Vec2(i, j)), x, y, [tiles.tile_size.x(), tiles.tile_size.y()])
-                }
-            };
-            let Some(y) = y.filter(|_| x < width) else { return Err(wrong("a block lies outside of its picture")) };
-            let size = usize::try_from(number(at)?).map_err(|_| wrong("a block has a negative size"))?;
-            let packed = self.bytes.get(at + 4..(at + 4).saturating_add(size));
-            let packed = packed.ok_or_else(|| wrong("it ends too early"))?;
-            let block = Block { x, y, width: most[0].min(width - x), height: most[1].min(height - y), packed, chunk };
-            // PXR24 stores 24 of 32 bits, so unpacking adds a byte to every three.
-            let announced = (block.width * block.height) as u64 * pixel(header) as u64;
-            if announced > (size as u64 + 64) * (DENSEST + DENSEST / 3) {
-                return Err(wrong("a block announces more than its bytes can hold"));
-            }
-            if seen.insert((x, y)) {
+            let Some(block) = block(&self.meta, part, &self.bytes[at..])? else { continue };
+            if seen.insert((block.x, block.y)) {
                 pixels += block.width * block.height;
                 blocks.push(block);
             }
         }
-        if pixels != width * height {
+        if pixels != size.x() * size.y() {
             return Err(wrong("blocks are missing"));
         }
         Ok(blocks)
     }
+}
+
+/// Parses the headers at the head of a file of `length` bytes, and validates the sizes that they declare. Returns them
+/// with the byte range of each part's block offset table.
+fn parse_headers(head: &[u8], length: usize) -> Result<(MetaData, Vec<Range<usize>>), ImageError> {
+    let end = headers_end(head)?;
+    let meta = decoder(FORMAT, || MetaData::read_from_buffered(Cursor::new(&head[..end]), false).map_err(damaged))?;
+    let mut at = end;
+    let mut tables = Vec::new();
+    for header in &meta.headers {
+        if header.deep {
+            return Err(unsupported("deep data"));
+        }
+        match header.compression {
+            Compression::DWAA(_) | Compression::DWAB(_) => {
+                return Err(unsupported(DWA));
+            }
+            Compression::HTJ2K32 | Compression::HTJ2K256 => return Err(unsupported("JPEG 2000 compression")),
+            _ => {}
+        }
+        if header.channels.list.is_empty() {
+            return Err(wrong("it has no channels"));
+        }
+        // The crate intends to refuse these, but its B44 decoder runs for seconds with a large sampling distance.
+        if header.channels.list.iter().any(|c| c.sampling != Vec2(1, 1)) {
+            let chroma = header.channels.list.iter().any(|c| c.name == *"RY" || c.name == *"BY");
+            return Err(unsupported(if chroma { CHROMA } else { "channels of fewer pixels than others" }));
+        }
+        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
+        let pixel = pixel(header) as u64;
+        judge(FORMAT, width, height, (DENSEST * length as u64).max(SMALL) / pixel.max(1), length)?;
+        let table = at..header.chunk_count.saturating_mul(8).saturating_add(at);
+        if table.end > length {
+            return Err(wrong("it ends too early"));
+        }
+        at = table.end;
+        tables.push(table);
+    }
+    Ok((meta, tables))
+}
+
+/// The block of a part at the start of these bytes; None if it isn't of the finest level.
+fn block<'a>(meta: &MetaData, part: usize, bytes: &'a [u8]) -> Result<Option<Block<'a>>, ImageError> {
+    let header = &meta.headers[part];
+    let [width, height] = [header.layer_size.x(), header.layer_size.y()];
+    let number = |at: usize| -> Result<i32, ImageError> {
+        let bytes = bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
+        bytes.map(i32::from_le_bytes).ok_or_else(|| wrong("it ends too early"))
+    };
+    let mut at = 0;
+    if meta.requirements.has_multiple_layers {
+        if number(at)? != part as i32 {
+            return Err(wrong("a block belongs to another part"));
+        }
+        at += 4;
+    }
+    let (chunk, x, y, most) = match header.blocks {
+        BlockDescription::ScanLines => {
+            let line = number(at)?;
+            let rows = header.compression.scan_lines_per_block();
+            let y = i64::from(line) - i64::from(header.own_attributes.layer_position.y());
+            let y = usize::try_from(y).ok().filter(|y| *y < height && y.is_multiple_of(rows));
+            at += 4;
+            (Place::Line(line), 0, y, [width, rows])
+        }
+        BlockDescription::Tiles(tiles) => {
+            let [i, j, level_x, level_y] = [number(at)?, number(at + 4)?, number(at + 8)?, number(at + 12)?];
+            at += 16;
+            if level_x != 0 || level_y != 0 {
+                return Ok(None);
+            }
+            let [i, j] = [i, j].map(|v| usize::try_from(v).unwrap_or(usize::MAX));
+            let y = Some(j.saturating_mul(tiles.tile_size.y())).filter(|y| *y < height);
+            let x = i.saturating_mul(tiles.tile_size.x());
+            (Place::Tile(Vec2(i, j)), x, y, [tiles.tile_size.x(), tiles.tile_size.y()])
+        }
+    };
+    let Some(y) = y.filter(|_| x < width) else { return Err(wrong("a block lies outside of its picture")) };
+    let size = usize::try_from(number(at)?).map_err(|_| wrong("a block has a negative size"))?;
+    let packed = bytes.get(at + 4..(at + 4).saturating_add(size)).ok_or_else(|| wrong("it ends too early"))?;
+    let block = Block { x, y, width: most[0].min(width - x), height: most[1].min(height - y), packed, chunk };
+    // PXR24 stores 24 of 32 bits, so unpacking adds a byte to every three.
+    let announced = (block.width * block.height) as u64 * pixel(header) as u64;
+    if announced > (size as u64 + 64) * (DENSEST + DENSEST / 3) {
+        return Err(wrong("a block announces more than its bytes can hold"));
+    }
+    Ok(Some(block))
+}
+
+fn unpack(meta: &MetaData, part: usize, block: &Block) -> Result<Vec<u8>, ImageError> {
+    let compressed_pixels_le = block.packed.to_vec();
+    let compressed_block = match block.chunk {
+        Place::Line(y_coordinate) => {
+            CompressedBlock::ScanLine(CompressedScanLineBlock { y_coordinate, compressed_pixels_le })
+        }
+        Place::Tile(tile_index) => CompressedBlock::Tile(CompressedTileBlock {
+            coordinates: TileCoordinates { tile_index, level_index: Vec2(0, 0) },
+            compressed_pixels_le,
+        }),
+    };
+    let chunk = Chunk { layer_index: part, compressed_block };
+    let unpacked = guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false));
+    let data = unpacked.ok_or_else(|| wrong("a block can't be unpacked"))?.map_err(damaged)?.data;
+    if data.len() != block.width * block.height * pixel(&meta.headers[part]) {
+        return Err(wrong("a block has another size than it should"));
+    }
+    Ok(data)
 }
 
 /// The size of a pixel in bytes, all channels together.
