@@ -2,7 +2,8 @@
 
 use crate::failure::Failure;
 use crate::frames::Frames;
-use canaletto::render::Job;
+use canaletto::Named;
+use canaletto::render::{Aov, Job};
 use canaletto::scene::Sampling;
 use canaletto_io::picture::MAX_PIXELS;
 use clap::{Args, ValueEnum};
@@ -37,7 +38,7 @@ pub(crate) enum Split {
     /// Each part has all pixels, and some of their samples
     #[default]
     Samples,
-    /// Each part has some rows of pixels, and all of their samples
+    /// Each part has some rows of pixels, and all of their samples; some of them where parts outnumber the eighths of rows
     Tiles,
     /// Each part has some frames of numbered pictures. They need no merge, unless a film is made of them
     Frames,
@@ -121,28 +122,49 @@ impl PartFlags {
         Ok(Some(match self.split.unwrap_or_default() {
             Split::Frames => return Ok(None),
             Split::Samples => {
-                // The largest power of two of samples of which each part gets some.
-                let block = (count / part.count.saturating_mul(BLOCKS)).max(1);
-                let block = 1 << block.ilog2();
-                let [from, to] = share(part, count.div_ceil(block)).map(|at| (at * block).min(count));
-                if from == to {
+                let Some(samples) = share_of_samples(part, count) else {
                     return Err(too_many(part, &format!("the picture has {count} samples")));
-                }
-                Cut { samples: [first + from, first + to], ..whole }
+                };
+                Cut { samples: samples.map(|at| first + at), ..whole }
             }
             Split::Tiles => {
                 let [x, y, width, height] = area;
-                let [from, to] = share(part, height.div_ceil(ROWS)).map(|at| (at * ROWS).min(height));
-                if from == to {
-                    return Err(too_many(
-                        part,
-                        &format!("the picture has {height} rows, which are cut at each eighth"),
-                    ));
-                }
-                Cut { area: [x, y + from, width, to - from], ..whole }
+                let bands = height.div_ceil(ROWS);
+                let (band, of_band) = part.of_bands(bands);
+                let Some(samples) = share_of_samples(of_band, count) else {
+                    let words = format!("the picture has {count} samples of {bands} bands of {ROWS} rows");
+                    return Err(too_many(part, &words));
+                };
+                let [from, to] = share(band, bands).map(|at| (at * ROWS).min(height));
+                Cut { samples: samples.map(|at| first + at), area: [x, y + from, width, to - from], ..whole }
             }
         }))
     }
+}
+
+impl Part {
+    /// The bands of a part, and its part of their samples. Each band is of one part, or of several that share its
+    /// samples.
+    fn of_bands(self, bands: u32) -> (Part, Part) {
+        let Part { number, count } = self;
+        if count <= bands {
+            return (self, Part { number: 1, count: 1 });
+        }
+        let [index, bands, count] = [number - 1, bands, count].map(u64::from);
+        let band = index * bands / count;
+        let [start, end] = [band, band + 1].map(|band| (band * count).div_ceil(bands));
+        let part = |index: u64, count: u64| Part { number: index as u32 + 1, count: count as u32 };
+        (part(band, bands), part(index - start, end - start))
+    }
+}
+
+/// The share of a part of `count` samples: the first, and the one after the last. None if there are fewer than parts.
+fn share_of_samples(part: Part, count: u32) -> Option<[u32; 2]> {
+    // The largest power of two of samples of which each part gets some.
+    let block = (count / part.count.saturating_mul(BLOCKS)).max(1);
+    let block = 1 << block.ilog2();
+    let [from, to] = share(part, count.div_ceil(block)).map(|at| (at * block).min(count));
+    (from < to).then_some([from, to])
 }
 
 fn too_many(part: Part, what: &str) -> Failure {
@@ -215,15 +237,40 @@ pub(crate) fn not_in_parts(flag: &str, why: &str) -> Failure {
         .help("leave it out, or render the picture whole")
 }
 
-/// The keys of the texts of a part's file: the part, and the texts of the whole picture in their order.
+/// Whether parts of a picture may be asked for a layer: merging makes it, or the first samples do.
+pub(crate) fn is_in_parts(aov: Aov) -> bool {
+    aov.is_of_denoising() || aov.is_of_samples() || aov.is_of_first_hit() && aov != Aov::Alpha
+}
+
+/// The layers that a part renders, of those that the whole picture has.
+pub(crate) fn layers_of_part(cut: &Cut, aovs: &[Aov]) -> Vec<Aov> {
+    let is_made = |aov: &Aov| aov.is_half() || cut.is_first() && ![Aov::Samples, Aov::Noisy].contains(aov);
+    aovs.iter().copied().filter(is_made).collect()
+}
+
+/// The keys of the texts of a part's file: the part, the texts of the whole picture in their order, and its layers.
 pub(crate) const PART: &str = "part";
 pub(crate) const PICTURE_TEXTS: &str = "picture-texts";
+const LAYERS: &str = "layers";
 
 /// The texts of a part's file, besides those by which it is compared. `texts` are those of the whole picture.
-pub(crate) fn texts_of_part(cut: &Cut, texts: &[(String, String)]) -> [(String, String); 2] {
+pub(crate) fn texts_of_part(cut: &Cut, texts: &[(String, String)], aovs: &[Aov]) -> Vec<(String, String)> {
     // Structs of numbers and lists of texts are JSON.
     let json = |value: serde_json::Result<String>| value.unwrap_or_default();
-    [(PART.into(), json(serde_json::to_string(cut))), (PICTURE_TEXTS.into(), json(serde_json::to_string(texts)))]
+    let mut own = vec![
+        (PART.into(), json(serde_json::to_string(cut))),
+        (PICTURE_TEXTS.into(), json(serde_json::to_string(texts))),
+    ];
+    if !aovs.is_empty() {
+        own.push((LAYERS.into(), aovs.iter().map(|aov| aov.name()).collect::<Vec<_>>().join(",")));
+    }
+    own
+}
+
+/// The layers of the whole picture, as the texts of a part tell.
+pub(crate) fn layers_of_texts(texts: &[(String, String)]) -> Vec<Aov> {
+    let told = texts.iter().find(|(key, _)| key == LAYERS);
+    told.map_or_else(Vec::new, |(_, names)| names.split(',').filter_map(Aov::from_name).collect())
 }
 
 #[cfg(test)]
@@ -256,23 +303,22 @@ mod tests {
         for (samples, count) in [(64, 8), (64, 3), (1000, 7), (4096, 10_000), (5, 5), (65_536, 10_000)] {
             let film = FilmSettings { sampling: Sampling::Sampled(samples), ..FilmSettings::default() };
             let job = Job::new(camera.clone(), film, PathSettings::DEFAULT);
-            for (split, whole) in [(Split::Samples, samples), (Split::Tiles, 100)] {
-                let mut at = 0;
+            for (split, possible) in [(Split::Samples, samples), (Split::Tiles, 13 * samples)] {
+                // The next row and sample.
+                let (mut row, mut sample) = (0, 0);
                 let (mut least, mut most) = (u32::MAX, 0);
                 for number in 1..=count {
                     let flags = PartFlags { part: Some(Part { number, count }), split: Some(split) };
                     let Ok(Some(cut)) = flags.cut(&job) else {
-                        assert!(count > whole / 8, "{samples} {count}");
+                        assert!(count > possible / 2, "{samples} {count}");
                         continue;
                     };
-                    let [from, to] = match split {
-                        Split::Samples => cut.samples,
-                        _ => [cut.area[1], cut.area[1] + cut.area[3]],
-                    };
-                    assert_eq!(from, at);
-                    (at, least, most) = (to, least.min(to - from), most.max(to - from));
+                    let ([from, to], [_, top, _, height]) = (cut.samples, cut.area);
+                    assert_eq!((top, from), (row, sample), "{samples} {count}");
+                    (least, most) = (least.min((to - from) * height), most.max((to - from) * height));
+                    (row, sample) = if to == samples { (row + height, 0) } else { (row, to) };
                 }
-                assert_eq!(at, whole, "{samples} {count}");
+                assert_eq!((row, sample), (100, 0), "{samples} {count}");
                 if split == Split::Samples && samples > 8 * count {
                     assert!(f64::from(most) <= 1.3 * f64::from(least), "{samples} {count}: {least} to {most}");
                 }

@@ -3,7 +3,7 @@
 use crate::digest::{Digest, FileChange, UsedFile, changed_file, text_of_files};
 use crate::exit::Exit;
 use crate::failure::{Failure, reason};
-use crate::part::{PART, PICTURE_TEXTS};
+use crate::part::{PART, PICTURE_TEXTS, layers_of_texts};
 use crate::partial::UNFINISHED;
 use crate::settings::{ALPHA, BACKGROUND, MODEL, PROGRESSIVE};
 use crate::told_developing::METERED_EXPOSURE;
@@ -207,6 +207,7 @@ pub(crate) fn is_part_of(file: &Path, job: &Job, texts: &[(String, String)]) -> 
         file.text(UNFINISHED).is_none()
             && file.belongs_to(job, texts).is_ok()
             && of_picture(&file.decoded.metadata) == of_picture(texts)
+            && layers_of_texts(&file.decoded.metadata) == layers_of_texts(texts)
     })
 }
 

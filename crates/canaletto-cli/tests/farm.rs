@@ -139,7 +139,8 @@ fn what_jobs_cant_have_is_refused() {
     for (line, words) in [
         ("slurm s.kdl --samples 8 --part 1/2", &["--part can't be had in a job"][..]),
         ("slurm s.kdl --samples 8 --time 5s", &["--time"]),
-        ("slurm s.kdl --samples 8 --aov normal", &["--aov", "colours only"]),
+        ("slurm s.kdl --samples 8 --aov cost", &["--aov can't be had in parts"]),
+        ("slurm s.kdl --samples 8 --aov normal -o a.png", &["--aov: PNG has no layers"]),
         ("slurm s.kdl --samples 8 --noise 0.1", &["--noise"]),
         ("slurm s.kdl --samples 8 --background #fff -o a.png", &["--background"]),
         ("slurm s.kdl --samples 8 --checkpoint c.exr", &["each part has its own"]),

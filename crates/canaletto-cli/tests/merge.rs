@@ -32,6 +32,7 @@ fn parts_make_the_bytes_of_one_render() {
         ("--samples 40", 3),
         ("--samples 64 --denoise", 4),
         ("--samples 24 --split tiles --denoise=fast --exposure 1", 3),
+        ("--samples 16 --split tiles", 13),
         ("--samples 50 --crop 8,4,30,25 --tone clamp --seed 3", 2),
         ("--integrator whitted --samples 20", 2),
     ] {
@@ -56,6 +57,36 @@ fn parts_make_the_bytes_of_one_render() {
         folder.says(&format!("merge -q {} --as-part -o ab.exr", names[..2].join(" ")), 0, &[]);
         folder.says(&format!("merge -q ab.exr {} -o tree.exr", names[2..].join(" ")), 0, &[]);
         same(&folder, "tree.exr", "whole.exr", flags);
+    }
+}
+
+/// Layers come from the parts with the first samples, or are made of all samples.
+#[test]
+fn layers_are_merged() {
+    let folder = Folder::new("s.kdl", SCENE);
+    for (flags, count) in [
+        ("--samples 32 --aov depth,normal,object-id,half-a,half-b,samples", 3),
+        ("--samples 24 --aov material-id,denoising-normal,noisy,half-a --denoise=fast --split tiles", 2),
+        ("--samples 16 --aov element-id,position --denoise=fast --uint-ids", 2),
+        ("--samples 24 --aov uv,samples --integrator whitted", 4),
+    ] {
+        let names: Vec<String> = (1..=count).map(|k| format!("p{k}.exr")).collect();
+        for (k, name) in names.iter().enumerate() {
+            part(&folder, flags, &format!("{}/{count} --force", k + 1), name);
+        }
+        let whole = flags.replace(" --split tiles", "").replace("whitted", "whitted --progressive");
+        folder.says(&format!("render s.kdl -q {whole} -o whole.exr"), 0, &[]);
+        let names = names.join(" ");
+        folder.says(&format!("merge -q {names} -o merged.exr"), 0, &[]);
+        same(&folder, "merged.exr", "whole.exr", flags);
+        folder.says(&format!("merge -q {names} -o m.png"), 2, &["the parts have layers, and PNG has none"]);
+        let others = flags.replace("--aov ", "--aov denoising-depth,");
+        part(&folder, &others, &format!("1/{count} --force"), "p1.exr");
+        folder.says(&format!("merge -q {names} -o m.exr"), 14, &["its layers is"]);
+    }
+    for layer in ["alpha", "cost", "all"] {
+        let said = "parts hold layers of the first hit";
+        folder.says(&format!("render s.kdl --samples 4 --part 1/2 --aov {layer} -o a.exr"), 2, &[said]);
     }
 }
 
@@ -174,10 +205,11 @@ fn what_has_no_parts_is_told() {
         ("--part 3/2 -o a.exr", "write K/N"),
         ("--part 0/2 -o a.exr", "write K/N"),
         ("--part 1/2 --noise 0.1 -o a.exr", "--noise"),
-        ("--part 1/2 --aov depth -o a.exr", "parts hold colours only"),
+        ("--part 1/2 --aov cost -o a.exr", "--aov can't be had in parts"),
         ("--part 1/2 --background none -o a.exr", "alpha"),
         ("--part 1/2 --samples 1 -o a.exr", "--samples 1"),
         ("--part 1/9 --samples 4 -o a.exr", "there are fewer parts than that"),
+        ("--part 1/99 --samples 8 --split tiles -o a.exr", "8 samples of 5 bands of 8 rows"),
         ("--split tiles -o a.exr", "--part"),
     ] {
         folder.says(&format!("render s.kdl {flags}"), 2, &[said]);

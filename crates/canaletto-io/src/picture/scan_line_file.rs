@@ -77,9 +77,13 @@ impl ScanLineFile {
             names().map(|name| Channel::new(name, Vec::with_capacity(width * range.len()))).collect();
         let mut hash = PixelHash::default();
         let read = self.lines.rows(range.clone(), |channel, y, row| {
-            let Channel { name, data, .. } = &mut channels[channel];
+            let Channel { name, data, ids } = &mut channels[channel];
             let start = data.len();
-            data.extend(floats(list[channel].sample_type, row));
+            let kind = list[channel].sample_type;
+            data.extend(floats(kind, row));
+            if kind == SampleType::U32 {
+                ids.extend(row.as_chunks().0.iter().map(|bytes| u32::from_ne_bytes(*bytes)));
+            }
             hash.add_row(name, y, data[start..].iter().copied());
         })?;
         read.map_err(PictureError::from)?;

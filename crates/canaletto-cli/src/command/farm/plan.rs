@@ -277,6 +277,11 @@ impl Checked {
             job = growing(job, "--part")?;
             check(&job)?;
             flags.check_part()?;
+            if !flags.aov.is_empty() && !output.format.has_layers() {
+                let name = output.format.short_name();
+                return Err(Failure::usage(format!("--aov: {name} has no layers, which parts are merged to"))
+                    .help("end the name of --output in .exr"));
+            }
             for number in 1..=parts {
                 PartFlags::one(number, parts, split).cut(&job)?;
             }

@@ -4,9 +4,9 @@ use super::{PartFile, failed, meet, rows, why};
 use crate::denoiser::FEATURES;
 use crate::exit::Exit;
 use crate::failure::Failure;
-use crate::part::Cut;
+use crate::part::{Cut, layers_of_texts};
 use canaletto::Named;
-use canaletto::film::{Layer, SampleBlocks};
+use canaletto::film::{Layer, Picture, SampleBlocks};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
 use canaletto_io::picture::{PixelHash, SAMPLES_TEXT, SamplesError, ScanLineError, read_samples};
@@ -143,14 +143,23 @@ impl Band {
             if !all.merge(&blocks, [x - left, 0]) && !has_colors {
                 return Err(wrong("its samples don't follow those of the parts before it"));
             }
-            let image = &read.decoded.image;
-            for aov in FEATURES {
-                let channel = |name: &&'static str| image.channel(&format!("{}.{name}", aov.name().replace('-', "_")));
+            let channels = &read.decoded.image.channels;
+            for aov in layers_of_texts(&part.texts).into_iter().chain(FEATURES) {
+                let channel = |name: &&'static str| {
+                    let name = format!("{}.{name}", aov.name().replace('-', "_"));
+                    channels.iter().find(|channel| channel.name == name)
+                };
                 let Some(channels) = aov.channels().iter().map(channel).collect::<Option<Vec<_>>>() else { continue };
-                let data = &mut layer(&mut features, aov, pixels).data;
+                let layer = layer(&mut features, aov, pixels);
                 for pixel in own.clone() {
                     let to = place(pixel) * channels.len();
-                    (0..channels.len()).for_each(|i| data[to + i] = channels[i][pixel]);
+                    (0..channels.len()).for_each(|i| layer.data[to + i] = channels[i].data[pixel]);
+                }
+                if let [channel] = *channels
+                    && !channel.ids.is_empty()
+                {
+                    layer.ids.resize(pixels, 0);
+                    own.clone().for_each(|pixel| layer.ids[place(pixel)] = channel.ids[pixel]);
                 }
             }
         }
@@ -186,9 +195,35 @@ impl Made {
     fn add_features(&mut self, features: Vec<Layer>, pixels: usize, start: usize) {
         for feature in features {
             let Some(aov) = Aov::from_name(feature.name) else { continue };
-            let start = start * aov.channels().len();
-            let data = &mut layer(&mut self.features, aov, pixels).data;
-            data[start..start + feature.data.len()].copy_from_slice(&feature.data);
+            let layer = layer(&mut self.features, aov, pixels);
+            let place = start * aov.channels().len();
+            layer.data[place..place + feature.data.len()].copy_from_slice(&feature.data);
+            if !feature.ids.is_empty() {
+                layer.ids.resize(pixels, 0);
+                layer.ids[start..start + feature.ids.len()].copy_from_slice(&feature.ids);
+            }
+        }
+    }
+
+    /// A layer of the whole, if the parts tell it. `picture` is the noisy picture.
+    pub(super) fn layer(&self, aov: Aov, picture: &Picture) -> Option<Layer> {
+        let colors = |color: &dyn Fn(usize) -> Rgb| {
+            let data = (0..picture.pixels.len()).flat_map(|pixel| color(pixel).to_array()).collect();
+            Some(Layer::new(aov.name(), aov.channels(), data))
+        };
+        let half = |half: usize| {
+            let is_told = self.samples.keeps_halves() && self.colors.is_none();
+            is_told.then(|| colors(&|pixel| self.samples.half_means(pixel).unwrap_or_default()[half]))?
+        };
+        match aov {
+            Aov::HalfA => half(0),
+            Aov::HalfB => half(1),
+            Aov::Noisy => colors(&|pixel| picture.pixels[pixel]),
+            Aov::Samples => {
+                let data = self.samples.counts().iter().map(|count| *count as f32).collect();
+                Some(Layer::new(aov.name(), aov.channels(), data))
+            }
+            _ => self.features.iter().find(|layer| layer.name == aov.name()).cloned(),
         }
     }
 }

@@ -4,7 +4,7 @@ mod film;
 mod join;
 
 use crate::command_files::CommandFiles;
-use crate::denoiser::{Denoiser, HALVES, lacks, of_rendering, told};
+use crate::denoiser::{Denoiser, FEATURES, lacks, of_rendering, told};
 use crate::digest::{FileChange, changed_file};
 use crate::exit::Exit;
 use crate::failure::{Failure, eprint_line, reason};
@@ -12,12 +12,13 @@ use crate::format::{count, plural};
 use crate::frames::fps;
 use crate::output::{Output, OutputFlags, unfit};
 use crate::output_format::Format;
-use crate::part::{Cut, PART, PICTURE_TEXTS};
+use crate::part::{Cut, PART, PICTURE_TEXTS, layers_of_texts};
 use crate::partial::UNFINISHED;
 use crate::sample_file::{SCENE, SCENE_DIGEST, SCENE_FILES, nameless, picture_texts, sample_texts, text_of};
 use crate::source::on_threads;
 use crate::told_developing::ToldDeveloping;
 use canaletto::film::{Layer, Picture};
+use canaletto::render::Aov;
 use canaletto::scene::Developing;
 use canaletto_io::picture::{
     Compression, EncodeSettings, PictureFormat, Rendered, SAMPLES_TEXT, ScanLineError, ScanLineFile, Window,
@@ -112,6 +113,11 @@ fn merge(flags: &MergeFlags) -> Result<Exit, Failure> {
     parts.sort_by_key(|part| (part.cut.samples[0], part.cut.area[1]));
     let whole = extent(&parts, flags.as_part);
     check_cover(&parts, &whole, flags.partial)?;
+    if !output.format.has_layers() && !layers_of_texts(&parts[0].texts).is_empty() {
+        let name = output.format.short_name();
+        return Err(Failure::usage(format!("--output {}: the parts have layers, and {name} has none", file.display()))
+            .help("end the name in .exr"));
+    }
     let made = join(&parts, whole, flags.partial)?;
     let is_whole = made.share == 1.0;
     let bytes = match flags.as_part {
@@ -356,10 +362,12 @@ fn encode_picture(
     if let Some(colors) = made.colors.take() {
         picture.pixels = colors;
     }
+    let asked = layers_of_texts(&first.texts);
+    picture.layers = asked.iter().filter_map(|aov| made.layer(*aov, &picture)).collect();
     if let Some(denoiser) = text_of(&own, "denoiser").and_then(|name| Denoiser::from_str(&name, false).ok())
         && made.share == 1.0
     {
-        denoise(denoiser, &mut picture, &made, flags)?;
+        denoise(denoiser, &mut picture, &made, &asked, flags)?;
     }
     let told = ToldDeveloping::of_texts(&own);
     let developing = Developing {
@@ -369,7 +377,9 @@ fn encode_picture(
     };
     if has_layers && made.share == 1.0 {
         own.extend(sample_texts(&made.samples));
-        picture.layers.extend(made.samples.layers(&picture.pixels));
+        let has = |layer: &Layer| picture.layers.iter().any(|own| own.name == layer.name);
+        let more: Vec<Layer> = made.samples.layers(&picture.pixels).into_iter().filter(|layer| !has(layer)).collect();
+        picture.layers.extend(more);
     }
     let share = made.share;
     drop(made);
@@ -389,17 +399,19 @@ fn encode_picture(
 }
 
 /// Denoises the picture as one render does.
-fn denoise(denoiser: Denoiser, picture: &mut Picture, made: &Made, flags: &MergeFlags) -> Result<(), Failure> {
+fn denoise(
+    denoiser: Denoiser,
+    picture: &mut Picture,
+    made: &Made,
+    asked: &[Aov],
+    flags: &MergeFlags,
+) -> Result<(), Failure> {
     let start = Instant::now();
-    picture.layers.clone_from(&made.features);
-    if made.samples.keeps_halves() {
-        for (half, name) in HALVES.into_iter().enumerate() {
-            let values = |pixel: usize| made.samples.half_means(pixel).unwrap_or_default()[half].to_array();
-            let data = (0..picture.pixels.len()).flat_map(values).collect();
-            picture.layers.push(Layer::new(name, &["R", "G", "B"], data));
-        }
+    for aov in FEATURES.into_iter().chain([Aov::HalfA, Aov::HalfB]).filter(|aov| !asked.contains(aov)) {
+        let layer = made.layer(aov, picture);
+        picture.layers.extend(layer);
     }
-    let noisy = of_rendering(picture, &[]);
+    let noisy = of_rendering(picture, asked);
     if let Some(lacks) = lacks(&noisy).filter(|_| !flags.quiet) {
         eprint_line(&format!("note: {lacks}"));
     }

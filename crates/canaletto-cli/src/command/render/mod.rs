@@ -21,7 +21,7 @@ use crate::memory::Memory;
 use crate::model::is_model;
 use crate::output::OutputFlags;
 use crate::output_format::Format;
-use crate::part::{PartFlags, not_in_parts};
+use crate::part::{PartFlags, is_in_parts, not_in_parts};
 use crate::partial::{partial, with_samples};
 use crate::passes::PassFlags;
 use crate::progress::{ProgressFlag, Style};
@@ -228,7 +228,11 @@ impl RenderFlags {
     pub(crate) fn check_part(&self) -> Result<(), Failure> {
         let backdrop = self.picture.background.as_ref().and_then(BackgroundFlag::backdrop);
         let why = [
-            (!self.aov.is_empty(), "--aov", "parts hold colours only"),
+            (
+                self.aov.iter().any(|layers| !matches!(layers, Layers::One(aov) if is_in_parts(*aov))),
+                "--aov",
+                "parts hold layers of the first hit, of samples and for denoising only; name those",
+            ),
             (backdrop.is_some(), "--background", "a picture over another one needs its alpha, which parts don't hold"),
             (self.passes.time.is_some(), "--time", "the number of samples would depend on the machine"),
             (self.passes.continue_from.is_some(), "--continue", "a part begins with its own first sample"),

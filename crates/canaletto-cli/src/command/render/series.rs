@@ -98,7 +98,7 @@ impl FrameContext {
     /// The text entries of a part's file.
     fn texts_of_part(&self, cut: &Cut) -> Vec<(String, String)> {
         let mut texts = self.texts_of_samples();
-        texts.extend(texts_of_part(cut, &self.texts));
+        texts.extend(texts_of_part(cut, &self.texts, &self.job.aovs));
         texts
     }
 

@@ -11,6 +11,7 @@ use crate::guiding_file::{is_guided, read_guiding, write_guiding};
 use crate::interrupt;
 use crate::omissions::shortfalls;
 use crate::output::window;
+use crate::part::layers_of_part;
 use crate::passes::{OutlookTime, PassObserver, noise_left, sample_warnings};
 use crate::preview::{PreviewFile, warn_unwritten};
 use crate::progress::{ProgressDisplay, RunProgress, Style, emit};
@@ -92,8 +93,8 @@ impl Series<'_> {
         let watch = ProgressDisplay::begin(plan.style, frame, label, pixels, whole);
         let mut rendered_job = if self.flags.denoiser().is_some() { with_layers(&job) } else { job.clone() };
         rendered_job.film.alpha |= plan.backdrop.is_some();
-        if cut.is_some_and(|cut| !cut.is_first()) {
-            rendered_job.aovs.retain(|aov| !aov.is_of_denoising());
+        if let Some(cut) = &cut {
+            rendered_job.aovs = layers_of_part(cut, &rendered_job.aovs);
         }
         let preview = plan.preview.as_ref().filter(|_| job.passes().is_ok());
         let texts = &frame_context.texts;
