@@ -38,7 +38,8 @@ pub(crate) enum Split {
     /// Each part has all pixels, and some of their samples
     #[default]
     Samples,
-    /// Each part has some rows of pixels, and all of their samples; some of them where parts outnumber the eighths of rows
+    /// Each part has some rows of pixels, and all of their samples. Where parts outnumber the eighths of rows, each has
+    /// some of the samples
     Tiles,
     /// Each part has some frames of numbered pictures. They need no merge, unless a film is made of them
     Frames,

@@ -66,7 +66,7 @@ impl ScanLines {
         &self.meta.headers[0]
     }
 
-    /// Reads rows from the file and passes each channel of each row to `put`: the index of the channel, the row, and its
+    /// Reads rows from the file. Passes each channel of each row to `put`: the index of the channel, the row, and its
     /// bytes in native order.
     pub(crate) fn rows(
         &self,
