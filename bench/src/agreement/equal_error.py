@@ -5,9 +5,10 @@
 
 Needs `pip install mitsuba bpy`, and LLVM for Mitsuba's `llvm_ad_rgb`. The scenes are those of `agreement.py`, without the
 medium. The programs take turns with each seed and number of samples. The reference is the mean of two pictures of
-Canaletto with `--converged` samples, whose own error is taken away. A pixel's error is its difference from the reference
-over the reference, whose square has a hundredth of the squared mean added. A picture's error is the root of the mean
-square. A line fitted through the logarithms of time and error tells the time to the error `--error`.
+Canaletto with `--converged` samples, whose own error is taken away. In `standard`, whose surfaces are each program's own,
+it is the program's own picture. A pixel's error is its difference from the reference over the reference, whose square has
+a hundredth of the squared mean added. A picture's error is the root of the mean square. A line fitted through the
+logarithms of time and error tells the time to the error `--error`.
 
 Time is CPU seconds of all threads. Mitsuba's and Cycles' scenes are loaded and compiled before. Canaletto's time includes
 the start of the program, reading the scene and writing the picture.
@@ -61,6 +62,10 @@ class Cycles:
             setattr(cycles, f"{name}_bounces", 1024)
         cycles.light_sampling_threshold = 0.0
         target.view_settings.view_transform = "Raw"
+        self.texture = None
+        if scene.texture is not None:
+            self.texture = bpy.data.images.load(write_image(scene.texture, folder, "paint.exr"))
+            self.texture.colorspace_settings.name = "Non-Color"
         self.materials = {name: self.material(name, material) for name, material in scene.materials.items()}
         for kind, name, shape in scene.shapes:
             self.shape(kind, shape).data.materials.append(self.materials[name])
@@ -76,7 +81,7 @@ class Cycles:
         if scene.image is not None:
             nodes = world.node_tree.nodes
             texture = nodes.new("ShaderNodeTexEnvironment")
-            texture.image = bpy.data.images.load(write_image(scene, self.folder))
+            texture.image = bpy.data.images.load(write_image(scene.image, self.folder, "sky.exr"))
             texture.image.colorspace_settings.name = "Non-Color"
             mapping, coordinates = nodes.new("ShaderNodeMapping"), nodes.new("ShaderNodeTexCoord")
             # Our image begins at a quarter turn from Blender's.
@@ -126,6 +131,13 @@ class Cycles:
             else:
                 shader = nodes.new("ShaderNodeBsdfDiffuse")
                 shader.inputs["Color"].default_value = color(material["color"])
+        elif material["kind"] == "standard":
+            shader = nodes.new("ShaderNodeBsdfPrincipled")
+            shader.inputs["Metallic"].default_value = material["metalness"]
+            shader.inputs["Roughness"].default_value = material["roughness"]
+            image = nodes.new("ShaderNodeTexImage")
+            image.image = self.texture
+            links.new(image.outputs["Color"], shader.inputs["Base Color"])
         elif material["kind"] == "glass":
             shader = nodes.new("ShaderNodeBsdfGlass")
             shader.distribution = "GGX"
@@ -153,6 +165,11 @@ class Cycles:
             )
             bpy.ops.object.shade_smooth()
             thing = bpy.context.object
+        elif kind == "mesh":
+            data = bpy.data.meshes.new("mesh")
+            data.from_pydata([z_up(p) for p in shape["vertices"].tolist()], [], shape["faces"].tolist())
+            thing = bpy.data.objects.new("mesh", data)
+            self.target.collection.objects.link(thing)
         else:
             turn = (0, 0, 0) if shape["up"] > 0 else (np.pi, 0, 0)
             location = z_up(shape["center"])
@@ -228,15 +245,22 @@ def main():
                 "Mitsuba": Mitsuba(scene, options.size, options.sampler),
                 "Cycles": Cycles(scene, folder, options.size),
             }
-            references = [ours.render(options.converged, seed) for seed in (1001, 1002)]
+            seeds = (1001, 1002)
+            references = {"Canaletto": [ours.render(options.converged, seed) for seed in seeds]}
+            for key, renderer in renderers.items():
+                if key not in references:
+                    own = [renderer.render(options.converged, seed) for seed in seeds] if scene.differs else None
+                    references[key] = own or references["Canaletto"]
             compare(name, renderers, references, options)
 
 
 def compare(name, renderers, references, options):
     """Prints a line for each renderer."""
-    reference = (references[0] + references[1]) / 2
-    scale = reference**2 + 0.01 * reference.mean() ** 2
-    own = ((references[0] - references[1]) ** 2 / 4 / scale).mean()
+    middle, scale, own = {}, {}, {}
+    for key, (a, b) in references.items():
+        middle[key] = (a + b) / 2
+        scale[key] = middle[key] ** 2 + 0.01 * middle[key].mean() ** 2
+        own[key] = ((a - b) ** 2 / 4 / scale[key]).mean()
     times = {key: [] for key in renderers}
     errors = {key: [] for key in renderers}
     means = {key: [] for key in renderers}
@@ -248,7 +272,7 @@ def compare(name, renderers, references, options):
             for key, renderer in renderers.items():
                 runs[key].append(measured(renderer, samples, seed))
         for key, taken in runs.items():
-            squares = [((picture - reference) ** 2 / scale).mean() - own for picture, _ in taken]
+            squares = [((picture - middle[key]) ** 2 / scale[key]).mean() - own[key] for picture, _ in taken]
             errors[key].append(np.sqrt(np.mean(squares)))
             times[key].append(np.median([seconds for _, seconds in taken]))
             means[key].append(np.mean([picture.mean() for picture, _ in taken]))
@@ -261,7 +285,7 @@ def compare(name, renderers, references, options):
         rate = most * options.size**2 / times[key][-1]
         variance = errors[key][-1] ** 2 * most
         print(f"{name:9} {key:10} {reached[key]:7.2f} {reached[key] / reached['Canaletto']:7.2f}x {rate:10.0f} "
-              f"{variance:10.3f} {means[key][-1] / reference.mean():8.4f}", flush=True)
+              f"{variance:10.3f} {means[key][-1] / middle[key].mean():8.4f}", flush=True)
 
 
 if __name__ == "__main__":

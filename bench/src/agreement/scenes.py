@@ -1,8 +1,9 @@
-"""Six scenes, each described once and written for Canaletto, Mitsuba 3 and Blender's Cycles."""
+"""Eight scenes, each described once and written for Canaletto, Mitsuba 3 and Blender's Cycles."""
 
 import os
 import resource
 import subprocess
+import tempfile
 
 import numpy as np
 
@@ -30,7 +31,10 @@ class Scene:
         self.eye, self.center, self.fovy = eye, center, fovy
         self.materials = {}
         self.shapes = []
-        self.image = None
+        # The sky, and the picture of textured surfaces, as linear values.
+        self.image = self.texture = None
+        # Whether programs' surfaces differ, so that each one is compared with its own converged picture.
+        self.differs = False
 
     def matte(self, name, color, emission=None):
         self.materials[name] = {"kind": "matte", "color": color, "emission": emission}
@@ -44,6 +48,10 @@ class Scene:
 
     def box(self, material, low, high):
         self.shapes.append(("box", material, {"low": low, "high": high}))
+
+    def mesh(self, material, vertices, faces):
+        """A mesh of flat triangles."""
+        self.shapes.append(("mesh", material, {"vertices": vertices, "faces": faces}))
 
 
 def room(scene):
@@ -68,6 +76,42 @@ def cornell():
     scene.disk("lamp", [0, 0.98, 0], -1, 0.3)
     scene.box("white", [-0.6, -1, -0.6], [-0.1, 0.2, -0.1])
     scene.box("white", [0.1, -1, 0.0], [0.6, -0.4, 0.5])
+    return scene
+
+
+def blob(center, radius, around=350, along=140):
+    """Vertices and triangles of a ball with bumps."""
+    u, v = np.meshgrid(np.arange(around) / around * 2 * np.pi, np.linspace(1e-3, np.pi - 1e-3, along + 1))
+    bumps = radius * (1 + 0.12 * np.sin(7 * u) * np.sin(5 * v) ** 3 + 0.03 * np.sin(31 * u + 17 * v) * np.sin(v))
+    points = np.stack([np.sin(v) * np.cos(u), np.cos(v), np.sin(v) * np.sin(u)], 2) * bumps[..., None]
+    i, j = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
+    a, b = i * around + j, i * around + (j + 1) % around
+    faces = np.concatenate([np.stack([a, b, b + around], 2), np.stack([a, b + around, a + around], 2)])
+    vertices = points.reshape(-1, 3) + np.array(center)
+    return vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.int32)
+
+
+def mesh():
+    """The room of `cornell` with a mesh of 98,000 triangles in place of its boxes."""
+    scene = Scene([0, 0, 4.2], [0, 0, 0], 36)
+    room(scene)
+    scene.matte("lamp", gray(0.0), [17, 12, 4])
+    scene.disk("lamp", [0, 0.98, 0], -1, 0.3)
+    scene.mesh("white", *blob([0, -0.35, 0], 0.55))
+    return scene
+
+
+def standard():
+    """The room of `cornell` with textured plastic and metal."""
+    scene = cornell()
+    scene.differs = True
+    u, v = np.meshgrid(np.arange(256) / 256, np.arange(256) / 256)
+    waves = 0.5 + 0.5 * np.sin(40 * u + 6 * np.sin(9 * v)) * np.cos(23 * v)
+    scene.texture = np.stack([0.15 + 0.7 * waves, 0.2 + 0.4 * waves, 0.5 - 0.3 * waves], 2).astype(np.float32)
+    for name in ("white", "red", "green"):
+        scene.materials[name] = {"kind": "standard", "metalness": 0.0, "roughness": 0.35}
+    scene.materials["metal"] = {"kind": "standard", "metalness": 1.0, "roughness": 0.3}
+    scene.shapes = [(kind, "metal" if number == 6 else name, shape) for number, (kind, name, shape) in enumerate(scene.shapes)]
     return scene
 
 
@@ -141,7 +185,7 @@ def medium():
     return scene
 
 
-SCENES = {f.__name__: f for f in (cornell, glass, sky, lights, gap, medium)}
+SCENES = {f.__name__: f for f in (cornell, glass, sky, lights, gap, mesh, standard, medium)}
 
 
 def from_pole_to_pole(image):
@@ -158,13 +202,27 @@ def from_pole_to_pole(image):
     return rows
 
 
-def write_image(scene, folder):
-    """Writes the sky of a scene as a lat-long picture."""
+def write_image(image, folder, name):
+    """Writes a picture of linear values."""
     import mitsuba as mi
 
-    path = os.path.join(folder, "sky.exr")
-    mi.Bitmap(scene.image).write(path)
+    path = os.path.join(folder, name)
+    mi.Bitmap(image).write(path)
     return path
+
+
+def write_ply(path, shape):
+    """Writes a mesh as binary PLY."""
+    vertices, faces = shape["vertices"], shape["faces"]
+    rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, faces
+    with open(path, "wb") as file:
+        file.write(
+            b"ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\nproperty float y\n"
+            b"property float z\nelement face %d\nproperty list uchar int vertex_indices\nend_header\n"
+            % (len(vertices), len(faces))
+        )
+        file.write(vertices.astype("<f4").tobytes() + rows.tobytes())
 
 
 class Canaletto:
@@ -180,10 +238,17 @@ class Canaletto:
         ]
         for name, material in scene.materials.items():
             lines.append(f'material "{name}" {{ {self.material(material)} }}')
-        for kind, material, shape in scene.shapes:
+        if scene.texture is not None:
+            write_image(scene.texture, folder, "texture.exr")
+            lines.insert(4, 'texture "paint" file="texture.exr"')
+        for number, (kind, material, shape) in enumerate(scene.shapes):
+            if kind == "mesh":
+                write_ply(os.path.join(folder, f"{number}.ply"), shape)
+                lines.append(f'mesh material="{material}" {{ file "{number}.ply" }}')
+                continue
             lines.append(f'{kind} material="{material}" {{ {self.shape(kind, shape)} }}')
         if scene.image is not None:
-            write_image(scene, folder)
+            write_image(scene.image, folder, "sky.exr")
             lines.append('environment "lat-long" file="sky.exr"')
         self.source = os.path.join(folder, "scene.kdl")
         with open(self.source, "w") as file:
@@ -197,6 +262,9 @@ class Canaletto:
         if material["kind"] == "fog":
             names = ("absorption", "scattering")
             return f"medium {{ {'; '.join(f'{n} {words(material[n])}' for n in names)}; anisotropy {material['anisotropy']} }}"
+        if material["kind"] == "standard":
+            model = f"base {{ metalness {material['metalness']} }}; specular {{ roughness {material['roughness']} }}"
+            return f'standard {{ {model} }}; texture "paint"'
         what = "conductor \"gold\"" if material["kind"] == "gold" else f"dielectric {material['ior']}"
         rough = f'; alpha {material["alpha"]}; masking "separable"; multiple-scattering #false'
         return what + (rough if material["alpha"] else "")
@@ -223,7 +291,7 @@ class Mitsuba:
     def __init__(self, scene, size, sampler="multijitter"):
         import mitsuba as mi
 
-        self.mi = mi
+        self.mi, self.texture = mi, scene.texture
         transform = mi.ScalarTransform4f()
         has_medium = any(material["kind"] == "fog" for material in scene.materials.values())
         film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
@@ -244,10 +312,11 @@ class Mitsuba:
             # Mitsuba's first column lies at +z and goes to +x; ours was chosen by pictures of a lone bright texel.
             turned = transform.rotate([0, 1, 0], 180)
             description["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(from_pole_to_pole(scene.image)), "to_world": turned}
-        for number, (kind, name, shape) in enumerate(scene.shapes):
-            material = scene.materials[name]
-            description[f"shape{number}"] = self.shape(kind, shape) | self.material(material)
-        self.scene = mi.load_dict(description)
+        with tempfile.TemporaryDirectory() as folder:
+            for number, (kind, name, shape) in enumerate(scene.shapes):
+                made = self.mesh(shape, folder, number) if kind == "mesh" else self.shape(kind, shape)
+                description[f"shape{number}"] = made | self.material(scene.materials[name])
+            self.scene = mi.load_dict(description)
 
     @staticmethod
     def rgb(color):
@@ -265,6 +334,10 @@ class Mitsuba:
             interior = {"type": "homogeneous", "albedo": rgb(scattering / extinction), "sigma_t": rgb(extinction)}
             interior["phase"] = {"type": "hg", "g": material["anisotropy"]}
             return {"bsdf": {"type": "null"}, "interior": interior}
+        if kind == "standard":
+            color = {"type": "bitmap", "bitmap": self.mi.Bitmap(self.texture), "raw": True}
+            model = {"type": "principled", "base_color": color, "specular": 0.5}
+            return {"bsdf": model | {"metallic": material["metalness"], "roughness": material["roughness"]}}
         rough = {"distribution": "ggx", "alpha": material["alpha"]} if material["alpha"] else {}
         if kind == "gold":
             indices = {name: rgb(value) for name, value in GOLD.items()}
@@ -282,6 +355,12 @@ class Mitsuba:
         middle = [(a + b) / 2 for a, b in zip(shape["low"], shape["high"])]
         half = [(b - a) / 2 for a, b in zip(shape["low"], shape["high"])]
         return {"type": "cube", "to_world": transform.translate(middle).scale(half)}
+
+    @staticmethod
+    def mesh(shape, folder, number):
+        path = os.path.join(folder, f"{number}.ply")
+        write_ply(path, shape)
+        return {"type": "ply", "filename": path, "face_normals": True}
 
     def render(self, samples, seed):
         return np.array(self.mi.render(self.scene, seed=seed, spp=samples)).astype(float)
