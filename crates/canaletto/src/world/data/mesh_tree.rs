@@ -74,6 +74,22 @@ impl MeshTree {
         }
     }
 
+    /// [`TriangleBvh::intersect_stream`], for rays at time 0.
+    pub(in crate::world) fn intersect_stream(&self, mesh: &Mesh, rays: &[Ray], nearest: &mut [PrimitiveHit]) {
+        match self {
+            MeshTree::Still(tree) => tree.intersect_stream(rays, nearest, mesh.one_sided),
+            MeshTree::Moving(tree) => tree.intersect_coherent(rays, nearest, &triangle(mesh, 0.0)),
+        }
+    }
+
+    /// [`TriangleBvh::occluded_stream`], for rays at time 0.
+    pub(in crate::world) fn occluded_stream(&self, mesh: &Mesh, rays: &[Ray], t_max: &mut [f32]) {
+        match self {
+            MeshTree::Still(tree) => tree.occluded_stream(rays, t_max, mesh.one_sided),
+            MeshTree::Moving(tree) => tree.occluded_coherent(rays, t_max, &triangle(mesh, 0.0)),
+        }
+    }
+
     /// [`TriangleBvh::occluded_coherent`], for rays at time 0.
     pub(in crate::world) fn occluded_coherent(&self, mesh: &Mesh, rays: &[Ray], t_max: &mut [f32]) {
         match self {
