@@ -2,8 +2,9 @@
 //!
 //! In a world of few instances, each instance is tested with all groups of rays that may hit it. In a world of many
 //! instances or of groups, the hierarchy finds the rays of each instance (`bundle_tree`). A mesh, a cloud or a geometry
-//! of many shapes sends its rays through its tree in packets. Shadow rays are traced one by one at a geometry of more
-//! than a few primitives of which some may be clear.
+//! of many shapes sends its rays through its tree in packets, and scattered rays at a mesh go as a stream. Few shapes are
+//! tested one after the other with the rays near them (`shape_list`). Shadow rays are traced one by one at a geometry of
+//! more than a few primitives of which some may be clear.
 
 use crate::shape::{SURFACES, Vec3x8, vec3};
 use crate::world::World;
@@ -143,7 +144,7 @@ impl RayBundle {
             }
         }
         rays.rays.truncate(left);
-        rays.ready = 0..0;
+        rays.change();
         t_max.truncate(left);
         times.truncate(left);
     }
@@ -244,8 +245,7 @@ impl World {
             let target = Target { world: self, instance, number, admitted: None, may_be_clear, times };
             for_candidate_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
-                    let groups = range.start / GROUP..range.end.div_ceil(GROUP);
-                    RayRange { all: rays, range: range.clone(), packet_bounds: &packet_bounds[groups] }
+                    RayRange { all: rays, range: range.clone() }
                 } else {
                     BatchRays { rays: &rays.rays, times }.transform(self, instance, range.clone(), local);
                     local.all()
@@ -304,7 +304,7 @@ impl Geometry {
             (Geometry::Mesh { triangles, mesh }, Traversal::Stream) => {
                 triangles.intersect_stream(mesh, part.rays(), found);
             }
-            (Geometry::Shapes { shapes, .. }, _) if self.is_few() => shape_list::intersect(shapes, &part, found),
+            (Geometry::Shapes { shapes, .. }, _) if self.is_few() => shape_list::intersect(shapes, part, found),
             _ if self.is_few() => {
                 for (ray, found) in part.rays().iter().zip(found) {
                     *found = self.intersect_few(ray, found.t);
@@ -354,7 +354,7 @@ impl Geometry {
         mut blocks: impl FnMut(usize, u32) -> bool,
     ) {
         match self {
-            Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, &part, t_max, blocks),
+            Geometry::Shapes { shapes, .. } if self.is_few() => shape_list::occlusion(shapes, part, t_max, blocks),
             _ if self.is_few() => end(part.rays(), t_max, |index, ray, t_max| {
                 self.occluded_few(ray, t_max, &mut |primitive| blocks(index, primitive)).is_some()
             }),

@@ -1,6 +1,7 @@
 //! What is asked of a world: hits, shadows, surfaces, textures, and the objects behind them.
 
 pub(in crate::world) mod batch_query;
+pub(in crate::world) mod box_filter;
 pub(in crate::world) mod bundle;
 pub(in crate::world) mod bundle_tree;
 pub(in crate::world) mod contact;

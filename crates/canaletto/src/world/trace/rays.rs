@@ -1,6 +1,7 @@
 //! Rays in one space, and ranges of them with bounds of their groups.
 
 use crate::world::data::packet_bounds::{GROUP, PacketBounds};
+use crate::world::trace::box_filter::BoxFilter;
 use canaletto_bvh::{Aabb, PreparedRay, Ray};
 use std::ops::Range;
 
@@ -11,19 +12,26 @@ pub(in crate::world) struct Rays {
     /// Prepared rays of the range `ready`.
     prepared: Vec<PreparedRay>,
     /// The range of the rays in `prepared`.
-    pub(in crate::world) ready: Range<usize>,
+    ready: Range<usize>,
+    filter: BoxFilter,
 }
 
 impl Rays {
     pub(in crate::world) fn clear(&mut self) {
         self.rays.clear();
+        self.change();
+    }
+
+    /// Forgets what was derived from the rays, which change.
+    pub(in crate::world) fn change(&mut self) {
         self.ready = 0..0;
+        self.filter.clear();
     }
 
     /// All these rays.
     pub(in crate::world) fn all(&mut self) -> RayRange<'_> {
         let range = 0..self.rays.len();
-        RayRange { all: self, range, packet_bounds: &[] }
+        RayRange { all: self, range }
     }
 }
 
@@ -31,18 +39,16 @@ impl Rays {
 pub(in crate::world) struct RayRange<'a> {
     pub(in crate::world) all: &'a mut Rays,
     pub(in crate::world) range: Range<usize>,
-    /// The bounds of their groups in the rays' space; empty if unknown.
-    pub(in crate::world) packet_bounds: &'a [PacketBounds],
 }
 
-impl RayRange<'_> {
+impl<'a> RayRange<'a> {
     #[inline]
     pub(in crate::world) fn rays(&self) -> &[Ray] {
         &self.all.rays[self.range.clone()]
     }
 
     pub(in crate::world) fn prepare(&mut self) -> &[PreparedRay] {
-        let (Rays { rays, prepared, ready }, range) = (&mut *self.all, &self.range);
+        let (Rays { rays, prepared, ready, .. }, range) = (&mut *self.all, &self.range);
         if range.start < ready.start || ready.end < range.end {
             prepared.clear();
             prepared.extend(rays[range.clone()].iter().map(Ray::prepare));
@@ -51,13 +57,11 @@ impl RayRange<'_> {
         &prepared[range.start - ready.start..range.end - ready.start]
     }
 
-    /// Calls [`for_candidate_runs`] on the groups of these rays. If their bounds are unknown, there is one run of all
-    /// rays.
-    pub(in crate::world) fn for_candidate_runs(&self, bounds: &Aabb, mut f: impl FnMut(Range<usize>)) {
-        match self.packet_bounds {
-            [] => f(0..self.range.len()),
-            packet_bounds => for_candidate_runs(packet_bounds, self.range.len(), bounds, f),
-        }
+    /// The rays, and a filter of those that may hit a box before these ends.
+    pub(in crate::world) fn filter(self, ends: impl Iterator<Item = f32>) -> (&'a [Ray], &'a mut BoxFilter) {
+        let (Rays { rays, filter, .. }, range) = (self.all, self.range);
+        filter.set(rays, &range, ends);
+        (&rays[range], filter)
     }
 }
 
