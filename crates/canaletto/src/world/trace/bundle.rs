@@ -2,9 +2,9 @@
 //!
 //! In a world of few instances, each instance is tested with all groups of rays that may hit it. In a world of many
 //! instances or of groups, the hierarchy finds the rays of each instance (`bundle_tree`). A mesh, a cloud or a geometry
-//! of many shapes sends its rays through its tree in packets, and scattered rays at a mesh go as a stream. Few shapes are
-//! tested one after the other with the rays near them (`shape_list`). Shadow rays are traced one by one at a geometry of
-//! more than a few primitives of which some may be clear.
+//! of many shapes sends its rays through its tree in packets, and scattered rays at a mesh go as a stream. Few shapes
+//! are tested one after the other with the rays near them (`shape_list`). Shadow rays are traced one by one at a
+//! geometry of more than a few primitives of which some may be clear.
 
 use crate::shape::{SURFACES, Vec3x8, vec3};
 use crate::world::World;
@@ -29,12 +29,12 @@ const MIN_PACKET_PRIMITIVES: usize = 32;
 /// The fewest rays that form packets.
 const MIN_PACKET_RAYS: usize = 8;
 
-/// The fewest rays that form packets or streams at a mesh. Fewer are scattered rays, or rays at a distant copy among many.
-/// Their triangles differ, and a packet then costs as much as a group of sixteen.
+/// The fewest rays that form packets or streams at a mesh. Fewer are scattered rays, or rays at a distant copy among
+/// many. Their triangles differ, and a packet then costs as much as a group of sixteen.
 const MIN_MESH_PACKET_RAYS: usize = 16;
 
-/// The cosine of the largest angle between rays of a packet at a mesh, 18 degrees. Scattered rays take 1.5 times as long
-/// in packets as in streams.
+/// The cosine of the largest angle between rays of a packet at a mesh, 18 degrees. Scattered rays take 1.5 times as
+/// long in packets as in streams.
 const COHERENT: f32 = 0.951;
 
 /// A batch of rays of one query, and the results. Neighbouring rays should be nearly parallel.

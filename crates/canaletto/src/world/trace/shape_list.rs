@@ -13,8 +13,8 @@ use glam::Vec3;
 /// The number of rays that exact kernels take at once.
 const GROUP: usize = CUBOID_RAYS;
 
-/// Calls `f` with each shape, its box, the numbers of up to sixteen rays that may hit it, these rays, and the ends of all
-/// rays.
+/// Calls `f` with each shape, its box, the numbers of up to sixteen rays that may hit it, these rays, and the ends of
+/// all rays.
 fn for_candidates(
     shapes: &[Shape],
     (rays, filter): (&[Ray], &mut BoxFilter),
