@@ -188,6 +188,10 @@ const UNEVEN: f64 = 3.0;
 /// to be sampled.
 fn seen_disk(disk: &DiskForm, p: DVec3) -> Option<(SphericalEllipse, [DVec3; 2])> {
     let (from, [x, y]) = (disk.center - p, disk.exact_radii);
+    // From more than two radii away the farthest point is less than three times as far as the nearest one.
+    if from.length_squared() > 4.001 * disk.radius * disk.radius {
+        return None;
+    }
     let offset = DVec2::new(from.dot(x), from.dot(y)) / disk.radius;
     let (height, length) = (from.dot(disk.exact_normal), offset.length());
     let across = [(length - disk.radius).max(0.0), length + disk.radius];
