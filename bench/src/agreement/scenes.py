@@ -351,7 +351,7 @@ class Mitsuba:
         rough = {"distribution": "ggx", "alpha": material["alpha"]} if material["alpha"] else {}
         if kind == "gold":
             indices = {name: rgb(value) for name, value in GOLD.items()}
-            return {"bsdf": {"type": "roughconductor"} | rough | indices}
+            return {"bsdf": {"type": "roughconductor" if rough else "conductor"} | rough | indices}
         name = "roughdielectric" if rough else "dielectric"
         return {"bsdf": {"type": name, "int_ior": material["ior"], "ext_ior": 1.0} | rough}
 
