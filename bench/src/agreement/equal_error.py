@@ -4,7 +4,7 @@
                            [--sampler NAME] [--scenes NAME ...] [--pictures FOLDER]
 
 Needs `pip install mitsuba bpy`, and LLVM for Mitsuba's `llvm_ad_rgb`. The scenes are those of `scenes.py`, without the
-medium. The programs take turns with each seed and number of samples. The reference is the mean of two pictures of
+medium and smooth surfaces. The programs take turns with each seed and number of samples. The reference is the mean of two pictures of
 Canaletto with `--converged` samples, whose own error is taken away. In `glass` and `standard`, whose surfaces are each
 program's own, it is the program's own picture. A pixel's error is its difference from the reference over the reference,
 whose square has a hundredth of the squared mean added. A picture's error is the root of the mean square. A line fitted
@@ -230,7 +230,7 @@ def main():
     arguments.add_argument("--converged", type=int, default=1024)
     arguments.add_argument("--sampler", default="multijitter")
     arguments.add_argument("--pictures", help="a folder for the pictures of the first seed")
-    arguments.add_argument("--scenes", nargs="+", default=[name for name in SCENES if name != "medium"])
+    arguments.add_argument("--scenes", nargs="+", default=[name for name in SCENES if name not in ("medium", "smooth")])
     options = arguments.parse_args()
     mi.set_variant("llvm_ad_rgb")
     print(f"time in CPU seconds to the error {options.error}, {options.size} x {options.size} pixels; "
