@@ -4,11 +4,11 @@
                            [--sampler NAME] [--scenes NAME ...] [--pictures FOLDER]
 
 Needs `pip install mitsuba bpy`, and LLVM for Mitsuba's `llvm_ad_rgb`. The scenes are those of `scenes.py`, without the
-medium and smooth surfaces. The programs take turns with each seed and number of samples. The reference is the mean of two pictures of
-Canaletto with `--converged` samples, whose own error is taken away. In `glass` and `standard`, whose surfaces are each
-program's own, it is the program's own picture. A pixel's error is its difference from the reference over the reference,
-whose square has a hundredth of the squared mean added. A picture's error is the root of the mean square. A line fitted
-through the logarithms of time and error tells the time to the error `--error`.
+medium and smooth surfaces. The programs take turns with each seed and number of samples. The reference is the mean of two
+pictures of Canaletto with `--converged` samples, whose own error is taken away. In `glass` and `standard`, whose surfaces
+are each program's own, it is the program's own picture. A pixel's error is its difference from the reference over the
+reference, whose square has a hundredth of the squared mean added. A picture's error is the root of the mean square. A line
+fitted through the logarithms of time and error tells the time to the error `--error`.
 
 Time is CPU seconds of all threads. Mitsuba's and Cycles' scenes are loaded and compiled before. Canaletto's time includes
 the start of the program, reading the scene and writing the picture.
