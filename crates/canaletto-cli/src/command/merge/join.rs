@@ -9,7 +9,7 @@ use canaletto::Named;
 use canaletto::film::{Layer, Picture, SampleBlocks};
 use canaletto::math::Rgb;
 use canaletto::render::Aov;
-use canaletto_io::picture::{PixelHash, SAMPLES_TEXT, SamplesError, ScanLineError, read_samples};
+use canaletto_io::picture::{PixelHash, SAMPLES_TEXT, SamplesError, ScanLineError, layer_channel_names, read_samples};
 use canaletto_parallel::prelude::*;
 use std::ops::Range;
 
@@ -49,11 +49,14 @@ pub(super) fn join(parts: &[PartFile], whole: Cut, is_partial: bool) -> Result<M
     };
     let share = parts.iter().map(there).sum::<f64>() / all;
     let has_colors = is_partial && share < 1.0;
+    // All parts tell of the same layers.
+    let mut aovs = parts.first().map_or_else(Vec::new, |part| layers_of_texts(&part.texts));
+    aovs.extend(FEATURES.into_iter().filter(|aov| !aovs.contains(aov)).collect::<Vec<_>>());
     let mut made: Option<Made> = None;
     let mut hashes = vec![PixelHash::default(); parts.len()];
     for bands in bands(parts, whole).chunks(2 * rayon::current_num_threads()) {
         let bands: Vec<Result<Band, Failure>> =
-            bands.par_iter().map(|rows| Band::join(parts, whole, *rows, has_colors)).collect();
+            bands.par_iter().map(|rows| Band::join(parts, whole, *rows, (&aovs, has_colors))).collect();
         for band in bands {
             let band = band?;
             for (part, hash) in &band.hashes {
@@ -101,7 +104,13 @@ fn bands(parts: &[PartFile], whole: Cut) -> Vec<[u32; 2]> {
 }
 
 impl Band {
-    fn join(parts: &[PartFile], whole: Cut, band: [u32; 2], has_colors: bool) -> Result<Band, Failure> {
+    /// Joins the rows of a band. Some of `aovs` are layers of the parts.
+    fn join(
+        parts: &[PartFile],
+        whole: Cut,
+        band: [u32; 2],
+        (aovs, has_colors): (&[Aov], bool),
+    ) -> Result<Band, Failure> {
         let [left, _, width, _] = whole.area;
         let height = band[1] - band[0];
         let pixels = width as usize * height as usize;
@@ -144,13 +153,12 @@ impl Band {
                 return Err(wrong("its samples don't follow those of the parts before it"));
             }
             let channels = &read.decoded.image.channels;
-            for aov in layers_of_texts(&part.texts).into_iter().chain(FEATURES) {
-                let channel = |name: &&'static str| {
-                    let name = format!("{}.{name}", aov.name().replace('-', "_"));
-                    channels.iter().find(|channel| channel.name == name)
+            for aov in aovs {
+                let channel = |name: String| channels.iter().find(|channel| channel.name == name);
+                let Some(channels) = layer_channel_names(*aov).map(channel).collect::<Option<Vec<_>>>() else {
+                    continue;
                 };
-                let Some(channels) = aov.channels().iter().map(channel).collect::<Option<Vec<_>>>() else { continue };
-                let layer = layer(&mut features, aov, pixels);
+                let layer = layer(&mut features, *aov, pixels);
                 for pixel in own.clone() {
                     let to = place(pixel) * channels.len();
                     (0..channels.len()).for_each(|i| layer.data[to + i] = channels[i].data[pixel]);
