@@ -41,6 +41,7 @@
 //! | filter functions | [`FilterFunction`] | `primitive/primitive4.rs` |
 //! | `rtcOccluded1` | [`TriangleBvh::occluded`] | `triangle_bvh.rs` |
 //! | ISA selection | [`InstructionSet`], `simd::dispatch` | `instruction_set.rs`, `simd/dispatch.rs` |
+//! | `vfloat<M>` for shading | [`lanes`] | `lanes/` |
 //!
 //! # Layouts
 //! ```text
@@ -117,6 +118,7 @@ mod build;
 mod bvh;
 mod hit;
 mod instruction_set;
+pub mod lanes;
 pub mod memory;
 mod min_max;
 mod node;

@@ -1,6 +1,8 @@
 //! Bounds of rounding errors, and the ray offset made from them. There is no constant in scene units: every bound is a
 //! multiple of the numbers it bounds. A scene scaled by a power of two gives equal bits.
 
+use super::Vector;
+use canaletto_bvh::lanes::{Real, Real64};
 use glam::{DVec3, Vec3};
 
 /// Half the distance between 1 and the next `f32`: the largest relative error of one rounding.
@@ -26,11 +28,21 @@ pub fn rounding(p: Vec3) -> Vec3 {
 /// a step to the next float, this keeps the offset scale-invariant.
 #[inline(always)]
 pub fn offset_origin(p: Vec3, error: Vec3, normal: DVec3, direction: DVec3) -> Vec3 {
-    let side = normal.dot(direction);
-    let normal = normal.as_vec3();
-    let bound = error + rounding(p);
-    let distance = normal.abs().dot(bound) * (1.0 + gamma(6));
-    p + normal * if side < 0.0 { -distance } else { distance }
+    offset_origins((p.into(), error.into(), Vector::from(normal)), direction.into()).into()
+}
+
+/// [`offset_origin`] of a point with its error and normal in each lane.
+#[inline(always)]
+pub(crate) fn offset_origins<F: Real64>(
+    (p, error, normal): (Vector<F::Narrow>, Vector<F::Narrow>, Vector<F>),
+    direction: Vector<F>,
+) -> Vector<F::Narrow> {
+    let is_behind = normal.dot(direction).less(F::splat(0.0));
+    let normal = normal.narrow();
+    let rounding = Vector { x: p.x.abs(), y: p.y.abs(), z: p.z.abs() } * F::Narrow::splat(f32::EPSILON);
+    let out = Vector { x: normal.x.abs(), y: normal.y.abs(), z: normal.z.abs() };
+    let distance = out.dot(error + rounding) * (1.0 + gamma(6));
+    p + normal * F::Narrow::select(is_behind, -distance, distance)
 }
 
 #[cfg(test)]

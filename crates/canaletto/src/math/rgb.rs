@@ -1,6 +1,8 @@
 //! Linear RGB, whose `*` is the chapter's ⊗.
 
+use super::Vector;
 use bytemuck::Zeroable;
+use canaletto_bvh::lanes::Real32;
 use serde::{Deserialize, Serialize};
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
@@ -84,6 +86,28 @@ impl Rgb {
 #[inline(always)]
 pub(crate) fn saturate(v: f32) -> f32 {
     v.clamp(-f32::MAX, f32::MAX)
+}
+
+/// The nearest finite number in each lane. NaN stays.
+#[inline(always)]
+pub(crate) fn saturated<F: Real32>(v: F) -> F {
+    let (least, most) = (F::splat(-f32::MAX), F::splat(f32::MAX));
+    let v = F::select(v.less(least), least, v);
+    F::select(most.less(v), most, v)
+}
+
+impl From<Rgb> for Vector<f32> {
+    #[inline(always)]
+    fn from(c: Rgb) -> Vector<f32> {
+        Vector { x: c.r, y: c.g, z: c.b }
+    }
+}
+
+impl From<Vector<f32>> for Rgb {
+    #[inline(always)]
+    fn from(v: Vector<f32>) -> Rgb {
+        Rgb { r: v.x, g: v.y, b: v.z }
+    }
 }
 
 impl From<[f32; 3]> for Rgb {

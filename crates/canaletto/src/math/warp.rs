@@ -1,68 +1,58 @@
 //! Maps from the unit square, in which samplers place their points, to the sampled shapes. They preserve areas, so that
 //! uniform points stay uniform.
 
+use super::Vector;
+use super::functions::{sin_cos, sin_cos_near_zero};
+use canaletto_bvh::lanes::Real64;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// A point of the unit disk: squares around the square's centre become circles (Shirley & Chiu, *A Low Distortion Map
 /// Between Disk and Square*, 1997).
 #[inline(always)]
-pub fn disk([u, v]: [f64; 2]) -> DVec2 {
-    let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-    let is_wide = a.abs() > b.abs();
-    let (r, other) = if is_wide { (a, b) } else { (b, a) };
-    // The angle to the nearest axis.
-    let ratio = other / r;
-    let angle = FRAC_PI_4 * if r == 0.0 { 0.0 } else { ratio };
-    let (sin, cos) = sin_cos_near_zero(angle);
-    let (x, y) = if is_wide { (cos, sin) } else { (sin, cos) };
-    DVec2::new(x * r, y * r)
+pub fn disk(u: [f64; 2]) -> DVec2 {
+    DVec2::from(disk_lanes(u))
 }
 
-/// The sine and the cosine of an angle within π / 4 of zero, by their series. What is left out is below half a unit in
-/// the last place. The compiler vectorises loops over it.
+/// [`disk`] for any number of lanes.
 #[inline(always)]
-fn sin_cos_near_zero(x: f64) -> (f64, f64) {
-    /// The inverse factorials of 2 to 17 with the signs of the series, the last ones first.
-    const SIN: [f64; 8] = inverse_factorials(17);
-    const COS: [f64; 8] = inverse_factorials(16);
-    let square = x * x;
-    let (mut sin, mut cos) = (SIN[0], COS[0]);
-    for i in 1..8 {
-        sin = sin * square + SIN[i];
-        cos = cos * square + COS[i];
-    }
-    (x + x * square * sin, 1.0 + square * cos)
-}
-
-/// ±1 / n! for n from `last` down in steps of two. Those of 16 and 17 are positive, and the signs take turns.
-const fn inverse_factorials(last: u32) -> [f64; 8] {
-    let mut all = [0.0; 8];
-    let mut i = 0;
-    while i < 8 {
-        let (mut factorial, mut n) = (if i % 2 == 0 { 1.0 } else { -1.0 }, last - 2 * i as u32);
-        while n > 1 {
-            factorial *= n as f64;
-            n -= 1;
-        }
-        all[i] = 1.0 / factorial;
-        i += 1;
-    }
-    all
+pub(crate) fn disk_lanes<F: Real64>([u, v]: [F; 2]) -> [F; 2] {
+    let (a, b) = (u * 2.0 - 1.0, v * 2.0 - 1.0);
+    let is_wide = b.abs().less(a.abs());
+    let (r, other) = (F::select(is_wide, a, b), F::select(is_wide, b, a));
+    let zero = F::splat(0.0);
+    // The angle to the nearest axis.
+    let angle = F::select(r.equal(zero), zero, other / r) * FRAC_PI_4;
+    let [sin, cos] = sin_cos_near_zero(angle);
+    [F::select(is_wide, cos, sin) * r, F::select(is_wide, sin, cos) * r]
 }
 
 /// A direction of the hemisphere around z, with the density of its cosine: a point of the disk under it (Malley).
 #[inline(always)]
 pub fn cosine_hemisphere(u: [f64; 2]) -> DVec3 {
-    let p = disk(u);
-    p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
+    cosine_hemisphere_lanes(u).into()
+}
+
+/// [`cosine_hemisphere`] for any number of lanes.
+#[inline(always)]
+pub(crate) fn cosine_hemisphere_lanes<F: Real64>(u: [F; 2]) -> Vector<F> {
+    let [x, y] = disk_lanes(u);
+    let z = (F::splat(1.0) - (x * x + y * y)).max(F::splat(0.0)).sqrt();
+    Vector { x, y, z }
 }
 
 /// A direction of the whole sphere. Equal heights of a sphere have equal areas (Archimedes).
-pub fn sphere([u, v]: [f64; 2]) -> DVec3 {
-    let (sin, cos) = libm::sincos(TAU * v);
-    let across = (4.0 * u * (1.0 - u)).sqrt();
-    DVec3::new(across * cos, across * sin, 1.0 - 2.0 * u)
+pub fn sphere(u: [f64; 2]) -> DVec3 {
+    sphere_lanes(u).into()
+}
+
+/// [`sphere`] for any number of lanes.
+#[inline(always)]
+pub(crate) fn sphere_lanes<F: Real64>([u, v]: [F; 2]) -> Vector<F> {
+    let [sin, cos] = sin_cos(v * TAU);
+    let one = F::splat(1.0);
+    let across = (u * 4.0 * (one - u)).sqrt();
+    Vector { x: across * cos, y: across * sin, z: one - u * 2.0 }
 }
 
 /// A point of the regular polygon with `corners` corners, at least 3, on the unit circle. The first corner is at angle
@@ -97,16 +87,6 @@ mod tests {
         let inside = |r: f64| mean(disk, |p| if p.length() < r { 1.0 } else { 0.0 });
         assert!((inside(0.3) - 0.09).abs() < 2e-3 && (inside(0.8) - 0.64).abs() < 2e-3 && inside(1.0) == 1.0);
         assert_eq!(disk([0.5, 0.5]), DVec2::ZERO);
-    }
-
-    #[test]
-    fn sines_and_cosines_are_exact_near_zero() {
-        for i in -1000..=1000 {
-            let x = FRAC_PI_4 * f64::from(i) / 1000.0;
-            let (sin, cos) = sin_cos_near_zero(x);
-            assert!((sin - libm::sin(x)).abs() <= 2e-16 * x.abs(), "{x}: {sin}");
-            assert!((cos - libm::cos(x)).abs() <= 2.3e-16, "{x}: {cos}");
-        }
     }
 
     #[test]

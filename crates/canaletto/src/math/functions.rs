@@ -1,0 +1,196 @@
+//! Elementary functions for any number of lanes, by fixed polynomials.
+//!
+//! Only + − × ÷ and √ are used, without fused operations, so that all machines give equal bits. The polynomials are
+//! those of *fdlibm* (Sun Microsystems 1993). What its last correction steps save is left out, so that errors are up to
+//! two units in the last place instead of one.
+
+use canaletto_bvh::lanes::{Bits64, Real64};
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
+
+/// A number whose last bit is worth 1. Adding and subtracting it rounds numbers below 2⁵¹ to integers.
+const INTEGERS: f64 = 6_755_399_441_055_744.0; // 1.5 · 2⁵²
+
+/// The polynomial with these coefficients, the one of the highest power first.
+#[inline(always)]
+fn polynomial<F: Real64, const N: usize>(x: F, coefficients: [f64; N]) -> F {
+    let mut sum = F::splat(coefficients[0]);
+    for coefficient in &coefficients[1..] {
+        sum = sum * x + *coefficient;
+    }
+    sum
+}
+
+/// The sine and the cosine of an angle within π / 4 of zero.
+#[allow(clippy::excessive_precision)] // as in the source
+#[inline(always)]
+pub(crate) fn sin_cos_near_zero<F: Real64>(x: F) -> [F; 2] {
+    const SIN: [f64; 6] = [
+        1.58969099521155010221e-10,
+        -2.50507602534068634195e-08,
+        2.75573137070700676789e-06,
+        -1.98412698298579493134e-04,
+        8.33333333332248946124e-03,
+        -1.66666666666666324348e-01,
+    ];
+    const COS: [f64; 6] = [
+        -1.13596475577881948265e-11,
+        2.08757232129817482790e-09,
+        -2.75573143513906633035e-07,
+        2.48015872894767294178e-05,
+        -1.38888888888741095749e-03,
+        4.16666666666666019037e-02,
+    ];
+    let square = x * x;
+    let half = square * 0.5;
+    let one = F::splat(1.0);
+    let near = one - half;
+    let cos = near + (((one - near) - half) + square * square * polynomial(square, COS));
+    [x + x * square * polynomial(square, SIN), cos]
+}
+
+/// The sine and the cosine of an angle in radians, up to 2²⁰ quarter turns. The errors are below two units in the last
+/// place.
+#[allow(clippy::excessive_precision)] // as in the source
+#[inline(always)]
+pub(crate) fn sin_cos<F: Real64>(angle: F) -> [F; 2] {
+    /// The first 33 bits of π / 2, the next 33 bits, and the rest.
+    const QUARTER: [f64; 3] = [1.57079632673412561417e+00, 6.07710050630396597660e-11, 2.02226624879595063154e-21];
+    let shifted = angle * FRAC_2_PI + INTEGERS;
+    let quarters = shifted - INTEGERS;
+    let rest = ((angle - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
+    let [sin, cos] = sin_cos_near_zero(rest);
+    // The last two bits of the integer are the quadrant.
+    let bits = shifted.to_bits();
+    let is_even = F::from_bits((bits & F::Bits::splat(1)) | F::splat(1.0).to_bits()).equal(F::splat(1.0));
+    let (own_sin, own_cos) = (F::select(is_even, sin, cos), F::select(is_even, cos, sin));
+    let sign = |bits: F::Bits| (bits & F::Bits::splat(2)).up::<62>();
+    let negative = |value: F, sign: F::Bits| F::from_bits(value.to_bits() ^ sign);
+    [negative(own_sin, sign(bits)), negative(own_cos, sign(bits) ^ (bits & F::Bits::splat(1)).up::<63>())]
+}
+
+/// The arc tangent of y / x in the quadrant of (x, y). The errors are below three units in the last place. That of
+/// (0, 0) is 0.
+#[allow(clippy::excessive_precision)] // as in the source
+#[inline(always)]
+pub(crate) fn atan2<F: Real64>(y: F, x: F) -> F {
+    const ATAN: [f64; 11] = [
+        1.62858201153657823623e-02,
+        -3.65315727442169155270e-02,
+        4.97687799461593236017e-02,
+        -5.83357013379057348645e-02,
+        6.66107313738753120669e-02,
+        -7.69187620504482999495e-02,
+        9.09088713343650656196e-02,
+        -1.11111104054623557880e-01,
+        1.42857142725034663711e-01,
+        -1.99999999998764832476e-01,
+        3.33333333333329318027e-01,
+    ];
+    /// tan(π / 8)
+    const EIGHTH: f64 = 0.414_213_562_373_095_03;
+    /// What π / 2 and π have beyond their digits in `f64`.
+    const BEYOND: [f64; 2] = [6.123_233_995_736_766e-17, 1.224_646_799_147_353_2e-16];
+    let (up, across) = (y.abs(), x.abs());
+    let is_steep = across.less(up);
+    let (less, more) = (F::select(is_steep, across, up), F::select(is_steep, up, across));
+    // Beyond π / 8, the angle to the diagonal: tan(α − π / 4) = (tan α − 1) / (tan α + 1).
+    let is_far = (more * EIGHTH).less(less);
+    let (numerator, denominator) = (F::select(is_far, less - more, less), F::select(is_far, less + more, more));
+    let nothing = more.equal(F::splat(0.0));
+    let t = numerator / F::select(nothing, F::splat(1.0), denominator);
+    let square = t * t;
+    let angle = t - t * square * polynomial(square, ATAN);
+    let angle = F::select(is_far, angle + FRAC_PI_4, angle);
+    let angle = F::select(is_steep, F::splat(FRAC_PI_2) - (angle - BEYOND[0]), angle);
+    // The sign of −0 counts.
+    let is_left = F::from_bits((x.to_bits() & F::splat(-0.0).to_bits()) | F::splat(1.0).to_bits()).less(F::splat(0.0));
+    let angle = F::select(is_left, F::splat(PI) - (angle - BEYOND[1]), angle);
+    F::from_bits(angle.to_bits() | (y.to_bits() & F::splat(-0.0).to_bits()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canaletto_bvh::InstructionSet;
+    use canaletto_bvh::lanes::{LANES, LaneKernel, run_lanes};
+
+    /// Numbers of [0, 1) that fill it evenly.
+    fn fractions() -> impl Iterator<Item = f64> {
+        (0..200_000u64).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11) as f64 / (1u64 << 53) as f64)
+    }
+
+    /// The distance of two numbers in units of the last place of the second one.
+    fn units(a: f64, b: f64) -> f64 {
+        if a == b {
+            return 0.0;
+        }
+        (a - b).abs() / (b.abs() * f64::EPSILON).max(f64::from_bits(1))
+    }
+
+    #[test]
+    fn sines_and_cosines_are_those_of_libm() {
+        let mut largest = 0.0f64;
+        let quarters = (-9..=9).map(|n| f64::from(n) * FRAC_PI_4);
+        let near = quarters
+            .clone()
+            .flat_map(|a| (0..60).flat_map(move |k| [1.0, -1.0].map(|s| a + s * libm::exp2(-f64::from(k)))));
+        let around = fractions().map(|u| u * 4.0 * PI - 2.0 * PI);
+        let far = fractions().map(|u| (u - 0.5) * 2.0 * 1_048_576.0 * FRAC_PI_2);
+        for angle in quarters.clone().chain(near).chain(around).chain(far) {
+            let ([sin, cos], expected) = (sin_cos(angle), libm::sincos(angle));
+            largest = largest.max(units(sin, expected.0)).max(units(cos, expected.1));
+        }
+        assert!(largest < 2.0, "{largest}");
+        assert_eq!(sin_cos(0.0), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn arc_tangents_are_those_of_libm() {
+        let mut largest = 0.0f64;
+        let sizes = fractions().map(|u| libm::exp2(80.0 * u - 40.0));
+        let around = fractions().map(|u| libm::sincos(u * 2.0 * PI));
+        for ((sin, cos), size) in around.zip(sizes) {
+            for (y, x) in [(sin, cos), (sin, size), (size, cos), (-size, cos), (size, -1.0)] {
+                largest = largest.max(units(atan2(y, x), libm::atan2(y, x)));
+            }
+        }
+        assert!(largest < 3.0, "{largest}");
+        let edges = [0.0, -0.0, 1.0, -1.0, 2.0, f64::MIN_POSITIVE, -f64::MIN_POSITIVE];
+        for y in edges {
+            for x in edges {
+                let (ours, expected) = (atan2(y, x), libm::atan2(y, x));
+                assert!(units(ours, expected) < 3.0, "{y} {x}: {ours} {expected}");
+                assert_eq!(ours.is_sign_negative(), expected.is_sign_negative(), "{y} {x}");
+            }
+        }
+    }
+
+    struct All([f64; LANES]);
+
+    impl LaneKernel for All {
+        type Answer = [[f64; LANES]; 3];
+
+        #[inline(always)]
+        fn run<F: Real64>(self) -> Self::Answer {
+            let x = F::load(&self.0);
+            let [sin, cos] = sin_cos(x);
+            [sin, cos, atan2(sin * 3.0, x)].map(|v| v.to_array())
+        }
+    }
+
+    #[test]
+    fn lanes_have_the_bits_of_single_numbers() {
+        let all: Vec<f64> = fractions().take(4000).map(|u| (u - 0.5) * 40.0).collect();
+        for set in InstructionSet::available() {
+            set.limit();
+            for eight in all.chunks_exact(LANES) {
+                let together = run_lanes(All(std::array::from_fn(|lane| eight[lane])));
+                for lane in 0..LANES {
+                    let alone = All([eight[lane]; LANES]).run::<f64>();
+                    assert_eq!(together.map(|v| v[lane].to_bits()), alone.map(|v| v[0].to_bits()));
+                }
+            }
+        }
+        InstructionSet::Avx512.limit();
+    }
+}
