@@ -7,7 +7,7 @@
 use super::solve;
 use super::{ShapeHit, Surface, SurfaceDifferential};
 use crate::OutOfRange;
-use crate::math::{DRay, Transform};
+use crate::math::{DRay, Transform, larger, smaller};
 use canaletto_bvh::{Aabb, Ray};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ impl Cuboid {
     /// The surface at a hit. The point lies exactly on its face.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
-        let surface = self.surface_without_uv(line, hit);
+        let surface = self.surface_without_uv(line, hit.part);
         let point = surface.exact;
         // The fraction of the distance from min to max, and from max to min.
         let fraction = |along: usize, from: Vec3| {
@@ -81,16 +81,27 @@ impl Cuboid {
     }
 
     /// [`Cuboid::surface`] without texture coordinates.
-    #[inline]
-    pub(super) fn surface_without_uv(&self, line: DRay, hit: &ShapeHit) -> Surface {
-        let (axis, upper) = (hit.part as usize / 2, hit.part % 2 == 1);
-        let plane = if upper { self.max[axis] } else { self.min[axis] };
+    #[inline(always)]
+    pub(super) fn surface_without_uv(&self, line: DRay, part: u32) -> Surface {
+        // Without a branch or an index, so that the compiler vectorises.
+        let (is_x, is_y, upper) = (part < 2, part / 2 == 1, part % 2 == 1);
+        let along = |v: DVec3| if is_x { v.x } else { if is_y { v.y } else { v.z } };
+        let (min, max) = (self.min.as_dvec3(), self.max.as_dvec3());
+        let plane = if upper { along(max) } else { along(min) };
         let DRay { origin: o, direction: d } = line;
-        let t = (f64::from(plane) - o[axis]) / d[axis];
-        let mut point = (o + d * t).clamp(self.min.as_dvec3(), self.max.as_dvec3());
-        point[axis] = f64::from(plane);
-        let mut normal = DVec3::ZERO;
-        normal[axis] = if upper { 1.0 } else { -1.0 };
+        let p = o + d * ((plane - along(o)) / along(d));
+        let within = |p: f64, min: f64, max: f64| smaller(larger(p, min), max);
+        let point = DVec3 {
+            x: if is_x { plane } else { within(p.x, min.x, max.x) },
+            y: if is_y { plane } else { within(p.y, min.y, max.y) },
+            z: if is_x | is_y { within(p.z, min.z, max.z) } else { plane },
+        };
+        let out = if upper { 1.0 } else { -1.0 };
+        let normal = DVec3 {
+            x: if is_x { out } else { 0.0 },
+            y: if is_y { out } else { 0.0 },
+            z: if is_x | is_y { 0.0 } else { out },
+        };
         Surface::at(point, normal, Vec2::ZERO)
     }
 

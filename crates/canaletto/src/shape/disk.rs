@@ -23,10 +23,12 @@ pub struct Disk {
 }
 
 impl Disk {
-    fn plane(&self) -> Plane {
+    #[inline(always)]
+    pub(super) fn plane(&self) -> Plane {
         Plane { point: self.center, normal: self.normal }
     }
 
+    #[inline(always)]
     fn size(&self) -> f64 {
         self.center.as_dvec3().abs().max_element() + f64::from(self.radius)
     }
@@ -56,6 +58,14 @@ impl Disk {
         let uv = [frame.x, frame.z].map(|axis| 0.5 * (1.0 + p.dot(axis) / r));
         let surface = solve::surface(self.center.as_dvec3() + p, self.size(), frame.y, uv);
         if solve::is_large(r, line.longest(), hit.t) { surface.with_fine_uv(uv.into()) } else { surface }
+    }
+
+    /// [`Disk::surface`] without texture coordinates.
+    #[inline(always)]
+    pub(super) fn surface_without_uv(&self, line: DRay) -> Surface {
+        let plane = self.plane();
+        let p = plane.offset(line, plane.parameter(line));
+        solve::surface(self.center.as_dvec3() + p, self.size(), self.normal.as_dvec3().normalize(), [0.0; 2])
     }
 
     /// The surface differential at every point.

@@ -6,11 +6,11 @@
 mod cloud;
 mod cone;
 mod cuboid;
-mod cuboid16;
 mod cuts;
 mod cylinder;
 mod disk;
 pub(crate) mod displace;
+mod flat;
 mod frustum;
 mod mesh;
 mod parallelogram;
@@ -18,6 +18,7 @@ mod partial;
 mod plane;
 #[cfg(test)]
 mod properties;
+mod rays16;
 mod sample;
 mod sample_from;
 mod solid;
@@ -38,15 +39,17 @@ mod triangle;
 pub use cloud::{CylinderCloud, SphereCloud};
 pub use cone::Cone;
 pub use cuboid::Cuboid;
-pub(crate) use cuboid16::CUBOID_RAYS;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
+pub(crate) use flat::Flats;
 pub use mesh::{Mesh, MeshPose};
 pub use parallelogram::Parallelogram;
 pub use partial::{Partial, Round};
 pub use plane::Plane;
+pub(crate) use rays16::{Hits16, RAYS};
 pub use sample::{SurfaceSample, SurfaceSampler};
 pub(crate) use sample::{pick_by_area, sample_triangle};
+pub(crate) use sample_from::cone_points;
 pub use sphere::Sphere;
 pub use surface::Surface;
 pub use surface_differential::SurfaceDifferential;
@@ -150,7 +153,8 @@ impl Shape {
     pub(crate) fn surface_without_uv(&self, line: DRay, hit: &ShapeHit) -> Surface {
         match self {
             Shape::Sphere(s) => s.surface_without_uv(line, hit.t),
-            Shape::Box(s) => s.surface_without_uv(line, hit),
+            Shape::Box(s) => s.surface_without_uv(line, hit.part),
+            Shape::Disk(s) => s.surface_without_uv(line),
             other => other.surface(line, hit),
         }
     }

@@ -39,6 +39,12 @@ impl Parallelogram {
         HALVES.map(|half| half.map(|i| corners[i]))
     }
 
+    /// The half of this part, as a triangle.
+    #[inline]
+    pub(crate) fn half(&self, part: u32) -> Corners {
+        Corners { positions: self.halves()[usize::from(part != 0)], normals: None }
+    }
+
     /// The hit, if its t lies in (0, t_max]. Its part is the half on one side of the diagonal, and its uv are the
     /// barycentric coordinates there. The halves are met as triangles of a mesh are, so that no ray passes between
     /// neighbours with common corners.
@@ -54,7 +60,7 @@ impl Parallelogram {
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
         let line = line.into();
         let is_first = hit.part == 0;
-        let half = Corners { positions: self.halves()[usize::from(!is_first)], normals: None };
+        let half = self.half(hit.part);
         // The shares of the edges u and v, of which the latter counts from the far edge.
         let upright =
             |[u, v]: [f64; 2]| if is_first { DVec2::new(u + v, 1.0 - v) } else { DVec2::new(u, 1.0 - (u + v)) };

@@ -22,12 +22,14 @@ pub struct Plane {
 
 impl Plane {
     /// The parameter t of (5.27); NaN or infinite for a parallel ray.
+    #[inline(always)]
     pub(super) fn parameter(&self, line: DRay) -> f64 {
         let n = self.normal.as_dvec3();
         (self.point.as_dvec3() - line.origin).dot(n) / line.direction.dot(n)
     }
 
     /// The point of (5.28) relative to `point`, without the rounding error along the normal.
+    #[inline(always)]
     pub(super) fn offset(&self, line: DRay, t: f64) -> DVec3 {
         let n = self.normal.as_dvec3();
         let p = line.origin - self.point.as_dvec3() + line.direction * t;

@@ -1,5 +1,6 @@
 //! Areas of surfaces, and random points on them: uniform over the area, or as seen from a point.
 
+use super::flat::{Domain, Flat, Flats};
 use super::{
     Cone, Cuboid, Cylinder, Disk, Mesh, Parallelogram, Partial, Shape, Sphere, Surface, Torus, Triangle, solve,
     triangle,
@@ -28,12 +29,12 @@ pub struct SurfaceSampler {
 
 #[derive(Clone, Debug)]
 pub(super) enum Form {
-    Disk(Box<DiskForm>),
-    /// A corner, the two edges from there and the unit normal.
-    Parallelogram(DVec3, [DVec3; 2], DVec3),
+    /// A flat surface, and how its solid angle is sampled.
+    Flat(Box<Flat>, Near),
     /// The centre and the radius.
     Sphere(DVec3, f64),
-    /// The corners, counter-clockwise seen from the outer side, and the cumulative sums of the areas.
+    /// The corners of several triangles, counter-clockwise seen from the outer side, and the cumulative sums of the
+    /// areas.
     Triangles(Vec<[Vec3; 3]>, Vec<f64>),
     /// The cumulative sums of the areas of the faces.
     Box(Cuboid, [f64; 6]),
@@ -41,15 +42,22 @@ pub(super) enum Form {
     Torus(Box<TorusForm>),
 }
 
+/// A flat surface as points close to it see it.
+#[derive(Clone, Debug)]
+pub(super) enum Near {
+    Disk(Box<DiskForm>),
+    /// The surface of [`Flat`] itself.
+    Parallelogram,
+    Triangle(Box<[Vec3; 3]>),
+}
+
+/// A disk. Its radii and normal have all digits, which the solid angle of a grazing disk asks for. Those of [`Flat`]
+/// have the digits of `f32`.
 #[derive(Clone, Debug)]
 pub(super) struct DiskForm {
     pub(super) center: DVec3,
-    /// Two perpendicular radii and the unit normal, with the digits of `f32`.
-    radii: [DVec3; 2],
-    normal: DVec3,
-    /// The same with all digits, which the solid angle of a grazing disk asks for.
-    pub(super) exact_radii: [DVec3; 2],
-    pub(super) exact_normal: DVec3,
+    pub(super) radii: [DVec3; 2],
+    pub(super) normal: DVec3,
     pub(super) radius: f64,
 }
 
@@ -122,7 +130,8 @@ impl Parallelogram {
     pub fn sampler(&self) -> SurfaceSampler {
         let [corner, u, v] = [self.corner, self.u, self.v].map(|v| v.as_dvec3());
         let cross = u.cross(v);
-        SurfaceSampler { form: Form::Parallelogram(corner, [u, v], cross.normalize()), area: cross.length() }
+        let (normal, area) = (cross.normalize(), cross.length());
+        SurfaceSampler::of_flat(Flat::new(corner, [u, v], normal, area, Domain::Parallelogram), Near::Parallelogram)
     }
 }
 
@@ -161,6 +170,11 @@ pub(super) fn on_triangle(corners: &[Vec3; 3], [u, v]: [f64; 2]) -> DVec3 {
 }
 
 impl SurfaceSampler {
+    fn of_flat(flat: Flat, near: Near) -> SurfaceSampler {
+        let area = flat.area;
+        SurfaceSampler { form: Form::Flat(Box::new(flat), near), area }
+    }
+
     fn disk(disk: &Disk) -> SurfaceSampler {
         // A frame in `f32`: a point of a scene is no finer.
         let normal = disk.normal.normalize();
@@ -169,15 +183,11 @@ impl SurfaceSampler {
         let radii = [x.as_dvec3() * radius, y.as_dvec3() * radius];
         let exact_normal = disk.normal.as_dvec3().normalize();
         let exact_radius = radii[0].reject_from_normalized(exact_normal).normalize() * radius;
-        let form = DiskForm {
-            center: disk.center.as_dvec3(),
-            radii,
-            normal: normal.as_dvec3(),
-            exact_radii: [exact_radius, exact_normal.cross(exact_radius)],
-            exact_normal,
-            radius,
-        };
-        SurfaceSampler { form: Form::Disk(Box::new(form)), area: PI * radii[0].length_squared() }
+        let center = disk.center.as_dvec3();
+        let exact_radii = [exact_radius, exact_normal.cross(exact_radius)];
+        let form = DiskForm { center, radii: exact_radii, normal: exact_normal, radius };
+        let flat = Flat::new(center, radii, normal.as_dvec3(), PI * radii[0].length_squared(), Domain::Disk);
+        SurfaceSampler::of_flat(flat, Near::Disk(Box::new(form)))
     }
 
     fn sphere(sphere: &Sphere) -> SurfaceSampler {
@@ -187,6 +197,13 @@ impl SurfaceSampler {
 
     /// The sampler of triangles, whose corners are counter-clockwise when seen from the outer side.
     pub fn triangles(corners: Vec<[Vec3; 3]>) -> SurfaceSampler {
+        if let [triangle] = corners[..] {
+            let [a, b, c] = triangle.map(|corner| corner.as_dvec3());
+            let cross = edges(&triangle);
+            let (normal, area) = (cross.normalize_or_zero(), 0.5 * cross.length());
+            let flat = Flat::new(a, [b - a, c - a], normal, area, Domain::Triangle);
+            return SurfaceSampler::of_flat(flat, Near::Triangle(Box::new(triangle)));
+        }
         let sums: Vec<f64> = cumulative(corners.iter().map(|triangle| 0.5 * edges(triangle).length())).collect();
         let area = sums.last().copied().unwrap_or(0.0);
         SurfaceSampler { form: Form::Triangles(corners, sums), area }
@@ -264,11 +281,7 @@ impl SurfaceSampler {
     /// The point at `u` of the unit square, and the unit normal there.
     pub(crate) fn point(&self, [u, v]: [f64; 2]) -> (DVec3, DVec3) {
         match &self.form {
-            Form::Disk(disk) => {
-                let (p, [x, y]) = (warp::disk([u, v]), disk.radii);
-                (disk.center + x * p.x + y * p.y, disk.normal)
-            }
-            Form::Parallelogram(corner, [along, up], normal) => (*corner + *along * u + *up * v, *normal),
+            Form::Flat(flat, _) => (Flats::gather(|_| flat).points([u, v]).into(), flat.normal),
             Form::Sphere(center, radius) => {
                 let normal = warp::sphere([u, v]);
                 (*center + normal * *radius, normal)
@@ -305,9 +318,13 @@ impl SurfaceSampler {
             points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], p| [min.min(p), max.max(p)])
         };
         match &self.form {
-            Form::Disk(disk) => around(disk.center, disk.radii.map(|r| r * r).iter().sum::<DVec3>().map(f64::sqrt)),
-            Form::Parallelogram(corner, [u, v], _) => {
-                of_points(&mut [DVec3::ZERO, *u, *v, *u + *v].into_iter().map(|p| *corner + p))
+            Form::Flat(flat, _) => {
+                let (origin, [a, b]) = (flat.origin, flat.edges);
+                match flat.domain {
+                    Domain::Disk => around(origin, (a * a + b * b).map(f64::sqrt)),
+                    Domain::Parallelogram => of_points(&mut [DVec3::ZERO, a, b, a + b].into_iter().map(|p| origin + p)),
+                    Domain::Triangle => of_points(&mut [DVec3::ZERO, a, b].into_iter().map(|p| origin + p)),
+                }
             }
             Form::Sphere(center, radius) => around(*center, DVec3::splat(*radius)),
             Form::Triangles(corners, _) => of_points(&mut corners.iter().flatten().map(|p| p.as_dvec3())),
@@ -326,8 +343,7 @@ impl SurfaceSampler {
     /// The axis of a cone around all normals, and the cosine of the cone's half angle.
     pub fn normal_cone(&self) -> (DVec3, f64) {
         match &self.form {
-            Form::Disk(disk) => (disk.normal, 1.0),
-            Form::Parallelogram(.., normal) => (*normal, 1.0),
+            Form::Flat(flat, _) => (flat.normal, 1.0),
             Form::Triangles(corners, _) => {
                 let axis = corners.iter().map(edges).sum::<DVec3>().normalize_or(DVec3::Z);
                 let cosines = corners.iter().filter_map(|triangle| edges(triangle).try_normalize());

@@ -2,7 +2,7 @@
 
 use super::mesh::Corners;
 use super::solve;
-use super::{Sphere, Surface};
+use super::{Cuboid, Disk, Sphere, Surface};
 use crate::math::{DRay, Transform, larger};
 use glam::{DVec3, Vec2, Vec3};
 
@@ -91,6 +91,16 @@ impl Surfaces {
         set_vec3(&mut self.shadow_origin, lane, surface.shadow_origin);
     }
 
+    /// Sets what rays that leave the surface in lane `lane` need: its exact point, its geometric normal, and the
+    /// rounded point with its error.
+    #[inline(always)]
+    pub(crate) fn set_frame(&mut self, lane: usize, exact: &DVec3, normal: &DVec3, point: Vec3, error: Vec3) {
+        set_dvec3(&mut self.exact, lane, *exact);
+        set_dvec3(&mut self.normal, lane, *normal);
+        set_vec3(&mut self.point, lane, point);
+        set_vec3(&mut self.error, lane, error);
+    }
+
     /// The surface in lane `lane`, without texture coordinates and colour.
     #[inline(always)]
     pub(crate) fn get(&self, lane: usize) -> Surface {
@@ -119,7 +129,7 @@ impl Surfaces {
     }
 }
 
-/// Up to eight spheres and triangles, each with the line that hits it.
+/// Up to eight spheres, boxes, disks and triangles, each with the line that hits it.
 pub(crate) struct SurfaceInputs8 {
     /// The lines' origins and directions.
     origin: DVec3x8,
@@ -128,13 +138,18 @@ pub(crate) struct SurfaceInputs8 {
     t: [f32; SURFACES],
     center: Vec3x8,
     radius: [f32; SURFACES],
+    /// The corners of triangles, the lower and upper corners of boxes, or the normals of disks.
     corners: [Vec3x8; 3],
+    /// The faces of boxes.
+    part: [u32; SURFACES],
     /// The corners' normals, where they have any.
     normals: [Vec3x8; 3],
     /// The barycentric coordinates on triangles.
     uv: [[f32; SURFACES]; 2],
-    /// A bit for each lane with a sphere, with a triangle, and with a triangle whose corners have normals.
+    /// A bit for each lane with a sphere, a box, a disk, a triangle, and a triangle whose corners have normals.
     spheres: u32,
+    boxes: u32,
+    disks: u32,
     flat: u32,
     smooth: u32,
     /// A bit for each lane on an instance, the instance, and the transform from its space to the world's.
@@ -154,7 +169,10 @@ impl SurfaceInputs8 {
         corners: [[[0.0; SURFACES]; 3]; 3],
         normals: [[[0.0; SURFACES]; 3]; 3],
         uv: [[0.0; SURFACES]; 2],
+        part: [0; SURFACES],
         spheres: 0,
+        boxes: 0,
+        disks: 0,
         flat: 0,
         smooth: 0,
         moved: 0,
@@ -164,7 +182,8 @@ impl SurfaceInputs8 {
 
     /// Removes all hits.
     pub(crate) fn clear(&mut self) {
-        (self.spheres, self.flat, self.smooth, self.moved) = (0, 0, 0, 0);
+        (self.spheres, self.boxes, self.disks) = (0, 0, 0);
+        (self.flat, self.smooth, self.moved) = (0, 0, 0);
     }
 
     /// Sets the line of lane `lane`.
@@ -181,6 +200,24 @@ impl SurfaceInputs8 {
         self.radius[lane] = sphere.radius;
         self.t[lane] = t;
         self.spheres |= 1 << lane;
+    }
+
+    /// Sets the hit of lane `lane` to a face of a box.
+    #[inline(always)]
+    pub(crate) fn set_cuboid(&mut self, lane: usize, cuboid: &Cuboid, part: u32) {
+        set_vec3(&mut self.corners[0], lane, cuboid.min);
+        set_vec3(&mut self.corners[1], lane, cuboid.max);
+        self.part[lane] = part;
+        self.boxes |= 1 << lane;
+    }
+
+    /// Sets the hit of lane `lane` to a disk.
+    #[inline(always)]
+    pub(crate) fn set_disk(&mut self, lane: usize, disk: &Disk) {
+        set_vec3(&mut self.center, lane, disk.center);
+        set_vec3(&mut self.corners[0], lane, disk.normal);
+        self.radius[lane] = disk.radius;
+        self.disks |= 1 << lane;
     }
 
     /// Sets the hit of lane `lane` to a triangle.
@@ -226,10 +263,15 @@ impl SurfaceInputs8 {
         Corners { normals: Some([vec3(a, lane), vec3(b, lane), vec3(c, lane)]), ..self.flat_triangle(lane) }
     }
 
+    #[inline(always)]
+    fn line(&self, lane: usize) -> DRay {
+        DRay { origin: dvec3(&self.origin, lane), direction: dvec3(&self.direction, lane) }
+    }
+
     /// The line of lane `lane` in the space of its primitive.
     #[inline(always)]
     fn local(&self, lane: usize) -> DRay {
-        let line = DRay { origin: dvec3(&self.origin, lane), direction: dvec3(&self.direction, lane) };
+        let line = self.line(lane);
         let moved = DRay {
             origin: self.to_world.back().transform_point3(line.origin),
             direction: self.to_world.back().transform_vector3(line.direction),
@@ -277,10 +319,24 @@ impl SurfaceInputs8 {
         if self.spheres != 0 {
             for i in 0..SURFACES {
                 let sphere = Sphere { center: vec3(&self.center, i), radius: self.radius[i] };
-                let line = DRay { origin: dvec3(&self.origin, i), direction: dvec3(&self.direction, i) };
-                found.set(i, &sphere.surface_without_uv(line, self.t[i]));
+                found.set(i, &sphere.surface_without_uv(self.line(i), self.t[i]));
             }
             into.take(&found, self.spheres);
+        }
+        if self.boxes != 0 {
+            for i in 0..SURFACES {
+                let cuboid = Cuboid { min: vec3(&self.corners[0], i), max: vec3(&self.corners[1], i) };
+                found.set(i, &cuboid.surface_without_uv(self.line(i), self.part[i]));
+            }
+            into.take(&found, self.boxes);
+        }
+        if self.disks != 0 {
+            for i in 0..SURFACES {
+                let (center, normal) = (vec3(&self.center, i), vec3(&self.corners[0], i));
+                let disk = Disk { center, normal, radius: self.radius[i] };
+                found.set(i, &disk.surface_without_uv(self.line(i)));
+            }
+            into.take(&found, self.disks);
         }
         if self.flat != 0 {
             for i in 0..SURFACES {
@@ -344,7 +400,14 @@ mod tests {
     fn bits(surface: &Surface) -> ([u64; 9], [u32; 9]) {
         let dvec3 = [surface.exact, surface.normal, surface.shading_normal].map(|v| v.to_array().map(f64::to_bits));
         let vec3 = [surface.point, surface.error, surface.shadow_origin].map(|v| v.to_array().map(f32::to_bits));
-        (dvec3.as_flattened().try_into().unwrap(), vec3.as_flattened().try_into().unwrap())
+        let dvec3: [u64; 9] = dvec3.as_flattened().try_into().unwrap();
+        let vec3: [u32; 9] = vec3.as_flattened().try_into().unwrap();
+        // All NaN are one.
+        let is_nan = |bits: u64| f64::from_bits(bits).is_nan();
+        (
+            dvec3.map(|bits| if is_nan(bits) { u64::MAX } else { bits }),
+            vec3.map(|bits| if f32::from_bits(bits).is_nan() { u32::MAX } else { bits }),
+        )
     }
 
     #[test]
@@ -363,7 +426,19 @@ mod tests {
                     direction: vector(random).as_dvec3(),
                 };
                 surface_inputs.set_line(lane, &line);
-                match (random.unit() * 4.0) as u32 {
+                match (random.unit() * 6.0) as u32 {
+                    4 => {
+                        let min = vector(random) * scale;
+                        let cuboid = Cuboid { min, max: min + vector(random).abs() * scale };
+                        let part = (random.unit() * 5.99) as u32;
+                        surface_inputs.set_cuboid(lane, &cuboid, part);
+                        cuboid.surface_without_uv(line, part)
+                    }
+                    5 => {
+                        let disk = Disk { center: vector(random) * scale, normal: vector(random), radius: scale };
+                        surface_inputs.set_disk(lane, &disk);
+                        disk.surface_without_uv(line)
+                    }
                     0 => {
                         let sphere = Sphere { center: vector(random) * scale, radius: scale };
                         // The lines need not hit the sphere.

@@ -34,7 +34,12 @@ impl Triangle {
 
     /// The surface at a hit.
     pub fn surface(&self, line: impl Into<DRay>, hit: &ShapeHit) -> Surface {
-        Corners { positions: [self.a, self.b, self.c], normals: None }.at(&line.into(), hit)
+        self.corners().at(&line.into(), hit)
+    }
+
+    #[inline]
+    pub(crate) fn corners(&self) -> Corners {
+        Corners { positions: [self.a, self.b, self.c], normals: None }
     }
 
     /// The surface differential at every point.

@@ -224,10 +224,18 @@ impl World {
                 let (geometry, id) = (&self.geometry.geometries[instance.geometry as usize], hit.primitive as usize);
                 match (geometry, &instance.to_world) {
                     _ if instance.motion != NONE => return None,
-                    (Geometry::Shapes { shapes, .. }, None) => {
-                        let Shape::Sphere(sphere) = &shapes[id] else { return None };
-                        surface_inputs.set_sphere(lane, sphere, hit.t);
-                    }
+                    (Geometry::Shapes { shapes, .. }, None) => match &shapes[id] {
+                        Shape::Sphere(sphere) => surface_inputs.set_sphere(lane, sphere, hit.t),
+                        Shape::Box(cuboid) => surface_inputs.set_cuboid(lane, cuboid, hit.part),
+                        Shape::Disk(disk) => surface_inputs.set_disk(lane, disk),
+                        Shape::Triangle(triangle) => {
+                            surface_inputs.set_triangle(lane, &triangle.corners(), hit.t, hit.uv);
+                        }
+                        Shape::Rectangle(rectangle) => {
+                            surface_inputs.set_triangle(lane, &rectangle.half(hit.part), hit.t, hit.uv);
+                        }
+                        _ => return None,
+                    },
                     (Geometry::Spheres { cloud, .. }, None) => {
                         surface_inputs.set_sphere(lane, &cloud.sphere(id), hit.t);
                         return Some(cloud.color(id));

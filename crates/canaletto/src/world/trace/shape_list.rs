@@ -3,7 +3,7 @@
 //! The traversal of a tree to a handful of leaves costs more than the shape tests. A box test in single precision finds
 //! the rays that may hit a shape, and the exact kernel tests them.
 
-use crate::shape::{CUBOID_RAYS, Shape, ShapeHit, set_bits};
+use crate::shape::{Hits16, RAYS, Shape, ShapeHit, set_bits};
 use crate::world::data::geometry::{confined, on_shape};
 use crate::world::trace::box_filter::BoxFilter;
 use crate::world::trace::rays::RayRange;
@@ -11,7 +11,7 @@ use canaletto_bvh::{Aabb, PrimitiveHit, Ray, sphere};
 use glam::Vec3;
 
 /// The number of rays that exact kernels take at once.
-const GROUP: usize = CUBOID_RAYS;
+const GROUP: usize = RAYS;
 
 /// Calls `f` with each shape, its box, the numbers of up to sixteen rays that may hit it, these rays, and the ends of
 /// all rays.
@@ -34,18 +34,19 @@ fn for_candidates(
 /// Calls `f` with the place of each ray that hits a shape before its end, and with the hit.
 #[inline(always)]
 fn hits(shape: &Shape, bounds: &Aabb, rays: &[Ray], ends: &[f32; GROUP], mut f: impl FnMut(usize, PrimitiveHit)) {
-    match shape {
-        Shape::Box(cuboid) => {
-            let met = cuboid.intersect_many(rays, ends.iter().copied());
-            for i in set_bits(met.hit) {
-                f(i, on_shape(ShapeHit { t: met.t[i], part: met.face[i], uv: [0.0; 2] }));
-            }
-            for i in set_bits(met.irregular) {
-                if let Some(hit) = meet(shape, bounds, &rays[i], ends[i]) {
-                    f(i, hit);
-                }
+    let mut each = |met: Hits16| {
+        for i in set_bits(met.hit) {
+            f(i, on_shape(ShapeHit { t: met.t[i], part: met.part[i], uv: [0.0; 2] }));
+        }
+        for i in set_bits(met.irregular) {
+            if let Some(hit) = meet(shape, bounds, &rays[i], ends[i]) {
+                f(i, hit);
             }
         }
+    };
+    match shape {
+        Shape::Box(cuboid) => each(cuboid.intersect_many(rays, ends.iter().copied())),
+        Shape::Disk(disk) => each(disk.intersect_many(rays, ends.iter().copied())),
         Shape::Sphere(s) => {
             let mut t = *ends;
             sphere::intersect_many(rays, s.center, s.radius, &mut t[..rays.len()]);
