@@ -210,8 +210,16 @@ impl SeenBsdf {
             SeenBsdf::Diffuse(diffuse) => diffuse.eval(wi),
             SeenBsdf::Phong(phong, wo) => phong.eval(*wo, wi),
             SeenBsdf::Conductor(conductor) => conductor.eval(wi),
-            SeenBsdf::Dielectric(dielectric) => dielectric.eval(wi),
-            SeenBsdf::Standard(standard) => standard.eval(wi),
+            SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).0,
+        }
+    }
+
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`].
+    pub(crate) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        match self {
+            SeenBsdf::Dielectric(dielectric) => dielectric.eval_and_pdf(wi),
+            SeenBsdf::Standard(standard) => standard.eval_and_pdf(wi),
+            SeenBsdf::Diffuse(_) | SeenBsdf::Phong(..) | SeenBsdf::Conductor(_) => (self.eval(wi), self.pdf(wi)),
         }
     }
 
@@ -251,8 +259,7 @@ impl SeenBsdf {
             SeenBsdf::Diffuse(diffuse) => diffuse.pdf(wi),
             SeenBsdf::Phong(phong, wo) => phong.pdf(*wo, wi),
             SeenBsdf::Conductor(conductor) => conductor.pdf(wi),
-            SeenBsdf::Dielectric(dielectric) => dielectric.pdf(wi),
-            SeenBsdf::Standard(standard) => standard.pdf(wi),
+            SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).1,
         }
     }
 }

@@ -162,39 +162,36 @@ impl SeenDielectric {
         SpecularTransmission { share: Rgb::gray(passed as f32), is_straight }
     }
 
-    pub(super) fn eval(&self, wi: DVec3) -> Rgb {
-        let Some(facets) = &self.facets else { return Rgb::BLACK };
+    /// f |cos θ| and the density, whose costly parts are the same.
+    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        let Some(facets) = &self.facets else { return (Rgb::BLACK, 0.0) };
         let above = wi.dot(self.bsdf.frame.facing) > 0.0;
         let BoundaryFacets { albedo, lost, back, .. } = facets;
-        let f = self.both(facets, wi, |i| {
-            let single = facets.pdf(i) * facets.ggx.shadowing(facets.wo, i);
-            let (share, loss) =
-                if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
-            single + lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI
+        let (share, loss) = if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
+        let [f, pdf] = self.both(facets, wi, |i| {
+            let density = facets.pdf(i);
+            let single = density * facets.ggx.shadowing(facets.wo, i);
+            let again = lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI;
+            [single + again, density * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)]
         });
-        Rgb::gray((f * self.bsdf.radiance_scale(above)) as f32)
+        (Rgb::gray((f * self.bsdf.radiance_scale(above)) as f32), pdf)
     }
 
     /// The sum of a function over the directions of the facets' own frame that lead to a direction: itself, and the one
     /// that is mirrored at the geometric surface.
-    fn both(&self, facets: &BoundaryFacets, wi: DVec3, of: impl Fn(DVec3) -> f64) -> f64 {
+    fn both(&self, facets: &BoundaryFacets, wi: DVec3, of: impl Fn(DVec3) -> [f64; 2]) -> [f64; 2] {
         let facing = self.bsdf.frame.facing;
         let above = wi.dot(facing) > 0.0;
         let one = |wi: DVec3| {
             let i = facets.axes.transpose() * wi;
-            if (i.z > 0.0) == above { of(i) } else { 0.0 }
+            if (i.z > 0.0) == above { of(i) } else { [0.0; 2] }
         };
-        if self.bsdf.frame.is_bent() { one(wi) + one(mirrored_at(facing, wi)) } else { one(wi) }
-    }
-
-    pub(super) fn pdf(&self, wi: DVec3) -> f64 {
-        let Some(facets) = &self.facets else { return 0.0 };
-        let above = wi.dot(self.bsdf.frame.facing) > 0.0;
-        let BoundaryFacets { albedo, lost, back, .. } = facets;
-        self.both(facets, wi, |i| {
-            let share = if above { back.mirrored } else { 1.0 - back.mirrored };
-            facets.pdf(i) * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)
-        })
+        let [f, pdf] = one(wi);
+        if self.bsdf.frame.is_bent() {
+            let mirrored = one(mirrored_at(facing, wi));
+            return [f + mirrored[0], pdf + mirrored[1]];
+        }
+        [f, pdf]
     }
 
     pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
@@ -221,8 +218,8 @@ impl SeenDielectric {
         let (wi, facing) = ((facets.axes * i).normalize(), self.bsdf.frame.facing);
         let wi = if (wi.dot(facing) > 0.0) == is_mirrored { wi } else { mirrored_at(facing, wi) };
         let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
-        let pdf = self.pdf(wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })
+        let (f, pdf) = self.eval_and_pdf(wi);
+        (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
     }
 }
 

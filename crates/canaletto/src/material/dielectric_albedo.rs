@@ -103,16 +103,30 @@ fn place_slope(cos: f64, critical: f64, alpha: f64) -> f64 {
     }
 }
 
-/// The cosine at a place in a half of the columns, the inverse of [`column_place`].
+/// The cosine at a place in a half of the columns, the inverse of [`column_place`]: by Newton's steps, and by halves
+/// where a step would leave the interval.
 fn cosine_at(half: usize, place: f64, critical: f64, alpha: f64) -> f64 {
-    let end = if half == 0 { 0.0 } else { 1.0 };
-    let (mut start, mut end) = (critical, end);
-    for _ in 0..48 {
-        let middle = 0.5 * (start + end);
-        let cos = if half == 0 { middle.min(critical * (1.0 - f64::EPSILON)) } else { middle };
-        if column_place(cos, critical, alpha).1 < place { start = middle } else { end = middle }
+    let is_lower = half == 0;
+    let (mut start, mut end) = (critical, if is_lower { 0.0 } else { 1.0 });
+    let mut found = start + (end - start) * place;
+    for _ in 0..64 {
+        let cos = if is_lower { found.min(critical * (1.0 - f64::EPSILON)) } else { found };
+        let off = column_place(cos, critical, alpha).1 - place;
+        if off < 0.0 {
+            start = found
+        } else {
+            end = found
+        }
+        let slope = place_slope(cos, critical, alpha);
+        let newton = found - off / if is_lower { -slope } else { slope };
+        let is_inside = newton > start.min(end) && newton < start.max(end);
+        let next = if is_inside { newton } else { 0.5 * (start + end) };
+        if (next - found).abs() < 1e-15 {
+            return next;
+        }
+        found = next;
     }
-    0.5 * (start + end)
+    found
 }
 
 fn row_alpha(row: usize) -> f64 {
@@ -177,14 +191,13 @@ impl Side {
         // ∫ (1 − E(µ)) 2µ dµ, with finer steps at small µ.
         const STEPS: u32 = 512;
         let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
-        let lost = |t: f64| (1.0 - side.kept(t * t, critical, alpha).total()) * 4.0 * t * t * t;
+        let lost = |t: f64| (1.0 - side.kept(column_place(t * t, critical, alpha)).total()) * 4.0 * t * t * t;
         side.loss = (0..STEPS).map(|i| lost(at(i))).sum::<f64>() / f64::from(STEPS);
         side
     }
 
-    /// The kept light at the places of the columns for this α.
-    fn kept(&self, cos: f64, critical: f64, alpha: f64) -> Kept {
-        let (half, place) = column_place(cos, critical, alpha);
+    /// The kept light at a place of a half of the columns.
+    fn kept(&self, (half, place): (usize, f64)) -> Kept {
         let at = place * (COLUMNS - 1) as f64;
         let column = (at as usize).min(COLUMNS - 2);
         let (share, columns) = (at - column as f64, &self.kept[half * COLUMNS + column..]);
@@ -266,9 +279,10 @@ impl DielectricAlbedo {
     pub(super) fn kept(&self, cos: f64, viewers_side: bool) -> Kept {
         let is_denser = self.is_denser == viewers_side;
         let critical = critical(self.eta, is_denser);
+        let place = column_place(cos, critical, self.alpha);
         let mut sum = Kept::default();
         for (row, share) in self.rows.iter().flatten() {
-            let kept = row.sides[usize::from(is_denser)].kept(cos, critical, self.alpha);
+            let kept = row.sides[usize::from(is_denser)].kept(place);
             sum.mirrored += kept.mirrored * share;
             sum.refracted += kept.refracted * share;
         }

@@ -33,6 +33,7 @@ pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub(crate) use conductor::{ConductorPoint, MetalFacets};
 pub use dielectric::{Dielectric, DielectricBsdf};
 pub use diffuse_bsdf::DiffuseBsdf;
+pub(crate) use diffuse_bsdf::{diffuse_direction, diffuse_pdf, diffuse_share};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub(crate) use ggx::{Ggx, on_circle};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};

@@ -222,8 +222,16 @@ impl StandardBsdf {
         if self.clear == 0.0 || self.goes_straight() {
             return 1.0;
         }
-        let [mirrored, passed] = [self.mirrored(layers, cos), self.clear_fresnel(cos) * layers.clear_share]
-            .map(|share| f64::from(share.max_component()));
+        self.mirror_probability_of(layers, self.mirrored(layers, cos), cos)
+    }
+
+    /// [`StandardBsdf::mirror_probability`] of a facet that mirrors this share.
+    fn mirror_probability_of(&self, layers: &Layers, mirrored: Rgb, cos: f64) -> f64 {
+        if self.clear == 0.0 || self.goes_straight() {
+            return 1.0;
+        }
+        let [mirrored, passed] =
+            [mirrored, self.clear_fresnel(cos) * layers.clear_share].map(|share| f64::from(share.max_component()));
         if passed > 0.0 { mirrored / (mirrored + passed) } else { 1.0 }
     }
 
@@ -244,47 +252,64 @@ impl StandardBsdf {
         layers.below[0] + layers.below[1] * self.absorbed(cosines)
     }
 
-    /// f cos θ. `matte` is the factor of diffuse lobes.
-    fn eval_local(&self, layers: &Layers, &Local { wo, wi, is_mirrored }: &Local, matte: f64) -> Rgb {
+    /// f cos θ and the density of a direction in the frame of the facets. `matte` is the factor of diffuse lobes.
+    fn eval_and_pdf_local(&self, layers: &Layers, &Local { wo, wi, is_mirrored }: &Local, matte: f64) -> (Rgb, f64) {
         let matte = if is_mirrored { 0.0 } else { matte };
+        // The density of the layers that have more than one direction.
+        let probability = |layer: Layer| if self.is_delta_layer(layer) { 0.0 } else { layers.probability(layer) };
         if wi.z <= 0.0 {
             let below = self.below(layers, &[wo.z]);
             let translucent = layers.through_share * (-wi.z * FRAC_1_PI * matte) as f32;
-            return below * (translucent + self.eval_clear(layers, wo, wi));
+            let (clear, density) = self.eval_and_pdf_clear(layers, wo, wi);
+            let even = if is_mirrored { 0.0 } else { -wi.z * FRAC_1_PI };
+            let mut pdf = 0.0;
+            add_density(&mut pdf, probability(Layer::Translucent), even);
+            add_density(&mut pdf, probability(Layer::Facets), density);
+            return (below * (translucent + clear), pdf);
         }
-        let mut f = layers.fuzz.map_or(Rgb::BLACK, |fuzz| layers.fuzz_share * fuzz.pdf(wi) as f32);
+        let (mut f, mut pdf) = (Rgb::BLACK, 0.0);
         let m = (wo + wi).normalize();
         let cos = wo.dot(m);
-        // D G₂ / (4 wo·n), the factor of F
-        let facets = |ggx: &Ggx| ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
+        if let Some(fuzz) = layers.fuzz {
+            let density = fuzz.pdf(wi);
+            f = layers.fuzz_share * density as f32;
+            add_density(&mut pdf, probability(Layer::Fuzz), density);
+        }
         if self.coat.normal.is_none() {
-            f += self.eval_coat(layers, wo, wi);
+            let (of_coat, pdf_coat) = self.eval_and_pdf_coat(layers, wo, m, wi);
+            f += of_coat;
+            pdf += pdf_coat;
         }
         let mut base = self.eval_diffuse(wo, wi) * layers.diffuse_share + layers.back_share * (wi.z * FRAC_1_PI) as f32;
         base *= matte as f32;
+        add_density(&mut pdf, probability(Layer::Diffuse), if is_mirrored { 0.0 } else { self.diffuse_pdf(wi) });
         if !self.is_smooth() {
-            base += self.mirrored(layers, cos) * facets(&self.ggx()) as f32;
+            let (ggx, mirrored) = (self.ggx(), self.mirrored(layers, cos));
+            // D G₂ / (4 wo·n), the factor of F
+            let facets = ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
+            base += mirrored * facets as f32;
+            let density = match self.refracts() {
+                true => ggx.visible_pdf(wo, m) / (4.0 * cos),
+                false => ggx.mirrored_pdf(wo, m),
+            };
+            let mirrors = self.mirror_probability_of(layers, mirrored, cos);
+            add_density(&mut pdf, probability(Layer::Facets), density * mirrors);
         }
-        f + self.below(layers, &[wo.z, wi.z]) * base
+        (f + self.below(layers, &[wo.z, wi.z]) * base, pdf)
     }
 
-    /// f cos θ of a rough coat, for directions in the frame of its facets.
-    fn eval_coat(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> Rgb {
-        if self.coat.weight == 0.0 || self.is_delta_layer(Layer::Coat) || wi.z <= 0.0 {
-            return Rgb::BLACK;
+    /// f cos θ and the density of a rough coat, for directions above it in the frame of its facets, and the facet that
+    /// mirrors one to the other.
+    fn eval_and_pdf_coat(&self, layers: &Layers, wo: DVec3, m: DVec3, wi: DVec3) -> (Rgb, f64) {
+        if self.coat.weight == 0.0 || self.is_delta_layer(Layer::Coat) {
+            return (Rgb::BLACK, 0.0);
         }
-        let (ggx, m) = (self.coat_ggx(), (wo + wi).normalize());
+        let ggx = self.coat_ggx();
         let share = fresnel_dielectric(wo.dot(m), 1.0 / f64::from(self.coat.ior));
-        Rgb::gray((share * layers.coat_share * (ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z))) as f32)
-    }
-
-    /// The density of a rough coat, for directions in the frame of its facets.
-    fn coat_pdf(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> f64 {
-        let probability = layers.probability(Layer::Coat);
-        if probability == 0.0 || self.is_delta_layer(Layer::Coat) || wi.z <= 0.0 {
-            return 0.0;
-        }
-        probability * self.coat_ggx().mirrored_pdf(wo, (wo + wi).normalize())
+        let f = Rgb::gray((share * layers.coat_share * (ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z))) as f32);
+        let mut pdf = 0.0;
+        add_density(&mut pdf, layers.probability(Layer::Coat), ggx.mirrored_pdf(wo, m));
+        (f, pdf)
     }
 
     /// f cos θ of the diffuse part of the base, without the layers over it.
@@ -312,23 +337,27 @@ impl StandardBsdf {
         DVec3::new(x, y, (1.0 - x * x - y * y).sqrt())
     }
 
-    /// What passes the clear part of the base, without the layers over it.
-    fn eval_clear(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> Rgb {
+    /// What passes the clear part of the base, without the layers over it, and the density of directions there if a
+    /// facet is chosen.
+    fn eval_and_pdf_clear(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> (Rgb, f64) {
         if self.clear == 0.0 || self.is_smooth() || self.goes_straight() {
-            return Rgb::BLACK;
+            return (Rgb::BLACK, 0.0);
         }
         let ggx = self.ggx();
-        if self.thin_walled {
+        let (m, facets, density) = if self.thin_walled {
             // The reflection of the other side, seen through the wall.
             let wi = wi * DVec3::new(1.0, 1.0, -1.0);
             let m = (wo + wi).normalize();
-            let facets = ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z);
-            return self.clear_fresnel(wo.dot(m)) * layers.clear_share * facets as f32;
-        }
-        let Some((m, jacobian)) = self.refracting_facet(wo, wi) else { return Rgb::BLACK };
-        let facets = ggx.visible_pdf(wo, m) * jacobian * ggx.shadowing(wo, wi);
-        let squeezed = self.eta_ratio * self.eta_ratio;
-        self.clear_fresnel(wo.dot(m)) * layers.clear_share * (facets * squeezed) as f32
+            (m, ggx.d(m) * ggx.g2(wo, wi) / (4.0 * wo.z), ggx.mirrored_pdf(wo, m))
+        } else {
+            let Some((m, jacobian)) = self.refracting_facet(wo, wi) else { return (Rgb::BLACK, 0.0) };
+            let density = ggx.visible_pdf(wo, m) * jacobian;
+            let squeezed = self.eta_ratio * self.eta_ratio;
+            (m, density * ggx.shadowing(wo, wi) * squeezed, density)
+        };
+        let cos = wo.dot(m);
+        let f = self.clear_fresnel(cos) * layers.clear_share * facets as f32;
+        (f, density * (1.0 - self.mirror_probability(layers, cos)))
     }
 
     /// The facet that refracts `wo` to `wi`, and dω_m / dω_i (Walter et al. 2007, (16) and (17)).
@@ -338,50 +367,6 @@ impl StandardBsdf {
         let (o, i) = (wo.dot(m), wi.dot(m));
         let length = self.eta_ratio * o + i;
         (o > 0.0 && i < 0.0).then(|| (m, -i / (length * length)))
-    }
-
-    fn pdf_local(&self, layers: &Layers, &Local { wo, wi, is_mirrored }: &Local) -> f64 {
-        let matte = if is_mirrored { 0.0 } else { FRAC_1_PI };
-        let mut sum = 0.0;
-        let mut add = |layer: Layer, density: &dyn Fn() -> f64| {
-            let probability = layers.probability(layer);
-            if probability > 0.0 && !self.is_delta_layer(layer) {
-                sum += probability * density();
-            }
-        };
-        if wi.z <= 0.0 {
-            add(Layer::Translucent, &|| -wi.z * matte);
-            add(Layer::Facets, &|| self.clear_pdf(layers, wo, wi));
-            return sum;
-        }
-        let m = (wo + wi).normalize();
-        add(Layer::Fuzz, &|| layers.fuzz.map_or(0.0, |fuzz| fuzz.pdf(wi)));
-        add(Layer::Coat, &|| if self.coat.normal.is_none() { self.coat_ggx().mirrored_pdf(wo, m) } else { 0.0 });
-        add(Layer::Diffuse, &|| if is_mirrored { 0.0 } else { self.diffuse_pdf(wi) });
-        add(Layer::Facets, &|| {
-            let cos = wo.dot(m);
-            let density = match self.refracts() {
-                true => self.ggx().visible_pdf(wo, m) / (4.0 * cos),
-                false => self.ggx().mirrored_pdf(wo, m),
-            };
-            density * self.mirror_probability(layers, cos)
-        });
-        sum
-    }
-
-    /// The density of directions through the clear base, if a facet is chosen.
-    fn clear_pdf(&self, layers: &Layers, wo: DVec3, wi: DVec3) -> f64 {
-        if self.clear == 0.0 || self.goes_straight() {
-            return 0.0;
-        }
-        let (m, density) = if self.thin_walled {
-            let m = (wo + wi * DVec3::new(1.0, 1.0, -1.0)).normalize();
-            (m, self.ggx().mirrored_pdf(wo, m))
-        } else {
-            let Some((m, jacobian)) = self.refracting_facet(wo, wi) else { return 0.0 };
-            (m, self.ggx().visible_pdf(wo, m) * jacobian)
-        };
-        density * (1.0 - self.mirror_probability(layers, wo.dot(m)))
     }
 
     /// The share that passes a smooth clear base at this cosine.
@@ -426,6 +411,14 @@ struct CoatFrame {
     /// The axes of its facets as columns, and the viewer's direction in them.
     axes: DMat3,
     local: DVec3,
+}
+
+/// Adds the density of a layer that is chosen with a probability.
+#[inline]
+fn add_density(sum: &mut f64, probability: f64, density: f64) {
+    if probability > 0.0 {
+        *sum += probability * density;
+    }
 }
 
 /// A standard surface at a point, as it is seen from one direction.
@@ -481,17 +474,18 @@ impl SeenStandard {
         SpecularTransmission { share: thinner.smooth_clear(layers, local.z), is_straight }
     }
 
-    pub(in crate::material) fn eval(&self, wi: DVec3) -> Rgb {
-        let base = self.local(wi);
-        let sum = base.fold(Rgb::BLACK, |sum, local| sum + self.bsdf.eval_local(&self.layers, &local, self.matte));
-        let coat = self.coat_local(wi);
-        coat.fold(sum, |sum, Local { wo, wi, .. }| sum + self.bsdf.eval_coat(&self.layers, wo, wi))
-    }
-
-    pub(in crate::material) fn pdf(&self, wi: DVec3) -> f64 {
-        let base: f64 = self.local(wi).map(|local| self.bsdf.pdf_local(&self.layers, &local)).sum();
-        let coat = self.coat_local(wi).map(|Local { wo, wi, .. }| self.bsdf.coat_pdf(&self.layers, wo, wi));
-        coat.fold(base, |sum, pdf| sum + pdf)
+    /// f |cos θ| and the density, whose costly parts are the same.
+    pub(in crate::material) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        let (mut f, mut pdf) = (Rgb::BLACK, 0.0);
+        for local in self.local(wi) {
+            let (of_local, pdf_local) = self.bsdf.eval_and_pdf_local(&self.layers, &local, self.matte);
+            (f, pdf) = (f + of_local, pdf + pdf_local);
+        }
+        for Local { wo, wi, .. } in self.coat_local(wi).filter(|local| local.wi.z > 0.0) {
+            let (of_coat, pdf_coat) = self.bsdf.eval_and_pdf_coat(&self.layers, wo, (wo + wi).normalize(), wi);
+            (f, pdf) = (f + of_coat, pdf + pdf_coat);
+        }
+        (f, pdf)
     }
 
     pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
@@ -546,8 +540,8 @@ impl SeenStandard {
             false if matches!(layer, Layer::Diffuse | Layer::Translucent) => return None,
             false => mirrored_at(facing, wi),
         };
-        let pdf = self.pdf(wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: self.eval(wi), pdf, lobe, is_delta: false })
+        let (f, pdf) = self.eval_and_pdf(wi);
+        (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
     }
 }
 
