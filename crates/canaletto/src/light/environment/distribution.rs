@@ -11,11 +11,14 @@
 //! The grid is divided into [`BLOCKS`]. A surface weights each block by the mean cosine of its directions, and the
 //! density within a block is that of the radiance.
 
+mod sampling;
+
 use super::PreparedEnvironment;
 use super::panorama;
 use crate::math::Transform;
 use canaletto_bvh::{InstructionSet, Kernel};
 use glam::DVec3;
+use sampling::factor;
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -41,6 +44,8 @@ const LEAST_COSINE: f64 = 0.02;
 pub(crate) struct EnvironmentDistribution {
     /// The numbers of columns and rows of nodes, by [`height_of`].
     size: [usize; 2],
+    /// The heights of the rows of nodes.
+    heights: Vec<f64>,
     /// The densities at the nodes per unit of (u, v), row by row. Their integral over the unit square is 1.
     nodes: Vec<f32>,
     /// For each row of nodes the cumulative sums of the means of two neighbours, from 0 on. Column i lies between nodes
@@ -98,25 +103,12 @@ struct WeighBlocks<'a> {
 }
 
 impl WeighBlocks<'_> {
-    /// The mean cosine of the directions of a block, as if their cosines were distributed evenly. `middle` is the
-    /// cosine of the mean direction.
-    #[inline(always)]
-    fn cosine(&self, column: usize, row: usize, middle: f64) -> f64 {
-        let (radius, quarter) = (self.blocks.radius[column][row], self.blocks.quarter[column][row]);
-        let below = if middle < radius { middle } else { radius };
-        let within = if below > -radius { below + radius } else { 0.0 };
-        let beyond = if middle > radius { middle - radius } else { 0.0 };
-        within * within * quarter + beyond
-    }
-
     /// What the radiance of a block counts.
     #[inline(always)]
     fn factor(&self, column: usize, row: usize) -> f64 {
         let ([x, y, z], n) = (&self.blocks.middle, self.normal);
         let middle = x[column][row] * n.x + y[column][row] * n.y + z[column][row] * n.z;
-        let front = self.cosine(column, row, middle);
-        let factor = if self.two_sided { front + self.cosine(column, row, -middle) } else { front };
-        if factor > LEAST_COSINE { factor } else { LEAST_COSINE }
+        factor(middle, self.blocks.radius[column][row], self.blocks.quarter[column][row], self.two_sided)
     }
 }
 
@@ -214,7 +206,9 @@ impl EnvironmentDistribution {
         }
         let to_scene = to_local.inverse();
         let (rows, blocks) = (Default::default(), Blocks::default());
-        let mut this = EnvironmentDistribution { size, nodes, columns, rows, blocks, total, to_local, to_scene };
+        let heights = (0..height).map(|row| height_of(row, height)).collect();
+        let mut this =
+            EnvironmentDistribution { size, heights, nodes, columns, rows, blocks, total, to_local, to_scene };
         for column in 0..BLOCK_COLUMNS {
             let mut sum = 0.0;
             let integrals = (0..height - 1).map(|row| {
@@ -302,69 +296,6 @@ impl EnvironmentDistribution {
     pub(crate) fn arriving(&self, weights: &BlockWeights) -> f64 {
         self.total * weights.total()
     }
-
-    /// The direction at `u` of the unit square for a surface of these weights.
-    pub(crate) fn sample(&self, weights: &BlockWeights, [u, v]: [f64; 2]) -> EnvironmentSample {
-        let [width, height] = self.size;
-        let (block_row, u) = pick(u, 0..BLOCK_ROWS, |row| if row == 0 { 0.0 } else { weights.rows[row - 1] });
-        let before = |column: usize| if column == 0 { 0.0 } else { weights.sums[column - 1][block_row] };
-        let (block_column, v) = pick(v, 0..BLOCK_COLUMNS, before);
-        let (row, u) = pick(u, self.rows_of(block_row), |row| self.rows[block_column][row]);
-        let y = linear(u, [row, row + 1].map(|row| self.sum_between(row, block_column)));
-        let [upper, lower] = [row, row + 1].map(|row| self.sums_of(row));
-        let blend = |column: usize| upper[column] + (lower[column] - upper[column]) * y;
-        let (column, v) = pick(v, self.columns_of(block_column), blend);
-        let x = linear(v, [column, (column + 1) % width].map(|column| self.blended_node(row, column, y)));
-        let [above, below] = [row, row + 1].map(|row| height_of(row, height));
-        let place = [((column as f64 + 0.5 + x) / width as f64).fract(), above + (below - above) * y];
-        let factor = weights.factors[block_column][block_row] / weights.total();
-        let local = panorama::direction(place);
-        let pdf = self.density(row, column, [x, y], local) * factor;
-        EnvironmentSample { wi: self.to_scene.vector(local).normalize(), place, pdf }
-    }
-
-    /// The density with which a surface samples a unit direction, per unit of solid angle. `place` is the direction's
-    /// (u, v) in a latitude-longitude image of the environment, and `total` is that of the surface's weights.
-    pub(crate) fn pdf(
-        &self,
-        (normal, two_sided): (DVec3, bool),
-        total: f64,
-        direction: DVec3,
-        [u, v]: [f64; 2],
-    ) -> f64 {
-        let [width, height] = self.size;
-        let local = self.to_local.vector(direction);
-        let x = u * width as f64 - 0.5;
-        let left = x.floor();
-        let column = (left as isize).rem_euclid(width as isize) as usize;
-        let row = row_at(v, height);
-        let [above, below] = [row, row + 1].map(|row| height_of(row, height));
-        let y = ((v - above) / (below - above)).clamp(0.0, 1.0);
-        // The block is the last one that begins at the place or before it.
-        let block = |place: usize, count: usize, blocks: usize| ((place + 1) * blocks - 1) / count;
-        let rows = self.texel_rows();
-        let texel_row = (row + 1).saturating_sub(POLAR).min(rows);
-        let (block_row, block_column) = (block(texel_row, rows + 1, BLOCK_ROWS), block(column, width, BLOCK_COLUMNS));
-        let factor = match normal == DVec3::ZERO {
-            true => 1.0,
-            false => self.weigh_blocks(normal, two_sided).factor(block_column, block_row),
-        };
-        self.density(row, column, [x - left, y], local) * (factor / total)
-    }
-
-    /// The density of the radiance in a unit direction of the environment's own, at a place between four nodes.
-    fn density(&self, row: usize, column: usize, [x, y]: [f64; 2], local: DVec3) -> f64 {
-        let [left, right] = [column, (column + 1) % self.size[0]].map(|column| self.blended_node(row, column, y));
-        let per_square = left + (right - left) * x;
-        // Both vanish at the poles; dω = 2π² sin θ du dv.
-        let sin = (local.x * local.x + local.z * local.z).sqrt();
-        if sin > 0.0 { per_square / (2.0 * PI * PI * sin) } else { 0.0 }
-    }
-
-    fn blended_node(&self, row: usize, column: usize, y: f64) -> f64 {
-        let [above, below] = [row, row + 1].map(|row| f64::from(self.nodes[row * self.size[0] + column]));
-        above + (below - above) * y
-    }
 }
 
 /// The number of rows of nodes over so many rows of texels.
@@ -399,30 +330,6 @@ fn row_at(v: f64, rows: usize) -> usize {
     } else {
         rows - 1 - POLAR + polar(at - (texel_rows - 0.5))
     }
-}
-
-/// The part of a range that `u` of [0, 1) selects in proportion to the parts, and where `u` lies within its part.
-/// `before` is the sum of the parts before one.
-fn pick(u: f64, parts: Range<usize>, before: impl Fn(usize) -> f64) -> (usize, f64) {
-    let first = before(parts.start);
-    let value = first + u * (before(parts.end) - first);
-    let (mut low, mut count) = (parts.start, parts.len());
-    while count > 1 {
-        // A step without a branch, since none could be predicted.
-        let half = count / 2;
-        low += if before(low + half) > value { 0 } else { half };
-        count -= half;
-    }
-    let start = before(low);
-    let step = before(low + 1) - start;
-    let share = if step > 0.0 { (value - start) / step } else { 0.0 };
-    (low, share.clamp(0.0, 1.0 - f64::EPSILON))
-}
-
-/// The place in 0..1 below which the share `u` of a density lies that goes evenly from one value to another.
-fn linear(u: f64, [a, b]: [f64; 2]) -> f64 {
-    let divisor = a + libm::sqrt((1.0 - u) * a * a + u * b * b);
-    if divisor > 0.0 { (u * (a + b) / divisor).clamp(0.0, 1.0 - f64::EPSILON) } else { u }
 }
 
 /// The radiance at a node of a grid of so many columns and rows of texels: where the grid is the image's own that of a

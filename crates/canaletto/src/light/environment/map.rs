@@ -11,8 +11,9 @@ use super::face::Face;
 use super::panorama;
 use super::{Footprint, Place, Smoothing};
 use crate::Named;
-use crate::math::Rgb;
+use crate::math::{Rgb, Vector};
 use crate::texture::{Image, Pyramid, Weighing, zone};
+use canaletto_bvh::lanes::{LANES, Real, Real64};
 use canaletto_parallel::prelude::*;
 use glam::DVec3;
 
@@ -93,11 +94,15 @@ impl EnvironmentMap {
         (place, Footprint { level: level as f32, looks: looks as u32 }, mean)
     }
 
-    /// The radiance at a place (u, v) of a latitude-longitude image, without a prefilter. None for other layouts and
-    /// without interpolation.
-    pub(super) fn panorama_radiance(&self, uv: [f64; 2]) -> Option<Rgb> {
-        let is_smooth = self.layout == Layout::Panorama && self.is_smooth();
-        is_smooth.then(|| Rgb::from(self.bilinear(0, 0, uv)))
+    /// Whether it is a latitude-longitude image with interpolation, which [`EnvironmentMap::panorama_radiance`] takes.
+    pub(super) fn is_smooth_panorama(&self) -> bool {
+        self.layout == Layout::Panorama && self.is_smooth()
+    }
+
+    /// The radiance at a place (u, v) of a smooth latitude-longitude image in each lane, without a prefilter.
+    #[inline(always)]
+    pub(super) fn panorama_radiance<F: Real64>(&self, uv: [F; 2]) -> Vector<F::Narrow> {
+        self.bilinears(0, 0, uv)
     }
 
     /// A change of a unit direction, in texels.
@@ -145,20 +150,46 @@ impl EnvironmentMap {
     }
 
     fn bilinear(&self, level: usize, page: usize, uv: [f64; 2]) -> [f32; 3] {
-        let size = self.size_of(level);
-        let [x, y] = [0, 1].map(|i| uv[i] * f64::from(size[i]) - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = ((x - x0) as f32, (y - y0) as f32);
-        let (i, j) = (x0 as i64, y0 as i64);
-        let [w, h] = size.map(i64::from);
+        let Vector { x, y, z } = self.bilinears::<f64>(level, page, uv);
+        [x, y, z]
+    }
+
+    /// The bilinear interpolation at a place of each lane.
+    #[inline(always)]
+    fn bilinears<F: Real64>(&self, level: usize, page: usize, [u, v]: [F; 2]) -> Vector<F::Narrow> {
+        let [w, h] = self.size_of(level).map(f64::from);
+        let (x, y) = (u * w - 0.5, v * h - 0.5);
+        let (columns, rows) = (x.to_array(), y.to_array());
+        let (mut x0, mut y0) = ([0.0; LANES], [0.0; LANES]);
+        // The rows hold a component of one of the four texels each.
+        let mut texels = [[[0.0; LANES]; 3]; 4];
+        for lane in 0..F::COUNT {
+            let [i, j] = [columns[lane], rows[lane]].map(lower);
+            (x0[lane], y0[lane]) = (i as f64, j as f64);
+            for (texel, rows) in self.around(level, page, [i, j]).iter().zip(&mut texels) {
+                for (component, row) in texel.iter().zip(rows) {
+                    row[lane] = *component;
+                }
+            }
+        }
+        let (fx, fy) = ((x - F::load(&x0)).narrow(), (y - F::load(&y0)).narrow());
+        let (gx, gy) = (F::Narrow::splat(1.0) - fx, F::Narrow::splat(1.0) - fy);
+        let [a, b, c, d] = &texels;
+        let [a, b, c, d] = [Vector::load(a), Vector::load(b), Vector::load(c), Vector::load(d)];
+        (a * gx + b * fx) * gy + (c * gx + d * fx) * fy
+    }
+
+    /// The four texels that are interpolated between a texel and the next ones to the right and below.
+    #[inline]
+    fn around(&self, level: usize, page: usize, [i, j]: [i64; 2]) -> [[f32; 3]; 4] {
+        let [w, h] = self.size_of(level).map(i64::from);
         if i >= 0 && j >= 0 && i + 1 < w && j + 1 < h {
             let (i, j) = (i as u32, j as u32);
             let around = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
-            let [a, b, c, d] = self.pages[page].four_texels(level, around).map(|[r, g, b, _]| [r, g, b]);
-            return mix(mix(a, b, fx), mix(c, d, fx), fy);
+            return self.pages[page].four_texels(level, around).map(|[r, g, b, _]| [r, g, b]);
         }
         let around = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]].map(|place| self.near(level, page, place));
-        let texels = match around {
+        match around {
             [Some(a), Some(b), Some(c), Some(d)] => [a, b, c, d],
             _ => {
                 let mut mean = [0.0; 3];
@@ -167,9 +198,7 @@ impl EnvironmentMap {
                 }
                 around.map(|texel| texel.unwrap_or(mean))
             }
-        };
-        let [a, b, c, d] = texels;
-        mix(mix(a, b, fx), mix(c, d, fx), fy)
+        }
     }
 
     /// A texel on a page or one texel beyond its edge; none beyond a corner of the cube.
@@ -256,6 +285,13 @@ impl EnvironmentMap {
             }
         }
     }
+}
+
+/// The largest integer that isn't above a number.
+#[inline(always)]
+fn lower(x: f64) -> i64 {
+    let truncated = x as i64;
+    truncated - i64::from(x < truncated as f64)
 }
 
 fn mix(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {

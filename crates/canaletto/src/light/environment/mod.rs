@@ -21,9 +21,10 @@ pub use sky::{Part, Sky};
 pub use sun::{Moment, bearing};
 
 use super::{Directional, Light, LightKind};
-use crate::math::{Rgb, Transform};
+use crate::math::{Affine, Rgb, Transform, Vector, saturated};
 use crate::texture::{Image, Samples};
 use crate::{Named, OutOfRange, named};
+use canaletto_bvh::lanes::{LANES, Real32, Real64};
 pub(crate) use distribution::{BlockWeights, EnvironmentDistribution, EnvironmentSample};
 use glam::DVec3;
 use map::{EnvironmentMap, Layout};
@@ -393,30 +394,58 @@ impl PreparedEnvironment {
 
     /// [`PreparedEnvironment::radiance_without_sun`] of a sampled direction without a footprint.
     pub(crate) fn radiance_of_sample(&self, sample: &EnvironmentSample) -> Rgb {
-        let at_place = match &self.kind {
-            Kind::EnvironmentMap(map) => map.panorama_radiance(sample.place),
-            Kind::Gradient(_) | Kind::Sky(_) => None,
-        };
-        match at_place {
-            Some(value) => (value * self.intensity).saturated(),
-            None => self.radiance_without_sun(sample.wi, [DVec3::ZERO; 2]),
+        let EnvironmentSample { wi, place, .. } = *sample;
+        Rgb::from(self.radiances_of_samples::<f64>(wi.into(), place))
+    }
+
+    /// [`PreparedEnvironment::radiance_of_sample`] in each lane, of samples with these directions and places.
+    #[inline(always)]
+    pub(crate) fn radiances_of_samples<F: Real64>(&self, wi: Vector<F>, place: [F; 2]) -> Vector<F::Narrow> {
+        match &self.kind {
+            Kind::EnvironmentMap(map) if map.is_smooth_panorama() => self.lit(map.panorama_radiance(place)),
+            _ => self.each(wi, |direction| self.radiance_without_sun(direction, [DVec3::ZERO; 2])),
         }
+    }
+
+    /// The radiance of what an image shows in each lane.
+    #[inline(always)]
+    fn lit<F: Real32>(&self, value: Vector<F>) -> Vector<F> {
+        let Rgb { r, g, b } = self.intensity;
+        Vector { x: value.x * r, y: value.y * g, z: value.z * b }.map(saturated)
+    }
+
+    /// The radiance that a function gives for the direction of each lane.
+    #[inline(always)]
+    fn each<F: Real64>(&self, direction: Vector<F>, radiance: impl Fn(DVec3) -> Rgb) -> Vector<F::Narrow> {
+        let mut directions = [[0.0; LANES]; 3];
+        direction.store(&mut directions);
+        let mut all = [[0.0; LANES]; 3];
+        for lane in 0..F::COUNT {
+            let [x, y, z] = directions.each_ref().map(|row| row[lane]);
+            for (row, value) in all.iter_mut().zip(radiance(DVec3::new(x, y, z)).to_array()) {
+                row[lane] = value;
+            }
+        }
+        Vector::load(&all)
     }
 
     /// [`PreparedEnvironment::radiance_without_sun`] of a unit direction, and (u, v) of the direction in a
     /// latitude-longitude image of the environment.
     pub(crate) fn radiance_and_place(&self, direction: DVec3, footprint: [DVec3; 2]) -> (Rgb, [f64; 2]) {
-        match &self.kind {
-            Kind::Sky(dome) => {
-                let local = self.to_local.vector(direction).normalize();
-                ((dome.radiance_without_sun(local) * self.intensity).saturated(), panorama::uv(local))
-            }
-            _ => {
-                let EnvironmentLookup { radiance, place, local, .. } = self.lookup(direction, footprint);
-                let uv = if let Place::Panorama { uv } = place { uv } else { panorama::uv(local) };
-                (radiance, uv)
-            }
+        if footprint == [DVec3::ZERO; 2] {
+            let (radiance, place) = self.radiances_and_places::<f64>(direction.into());
+            return (radiance.into(), place);
         }
+        let local = self.to_local.vector(direction).normalize();
+        (self.radiance_without_sun(direction, footprint), panorama::uv(local))
+    }
+
+    /// [`PreparedEnvironment::radiance_and_place`] in each lane, without a footprint.
+    #[inline(always)]
+    pub(crate) fn radiances_and_places<F: Real64>(&self, direction: Vector<F>) -> (Vector<F::Narrow>, [F; 2]) {
+        let local = Affine::splat(self.to_local.matrix()).vector(direction).normalized();
+        let place = panorama::uvs(local);
+        (self.radiances_of_samples(direction, place), place)
     }
 
     /// The light of the sun, if the environment has one that lights the scene.

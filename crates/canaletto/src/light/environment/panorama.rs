@@ -2,22 +2,36 @@
 //!
 //! The middle of the image is −z, the default direction of a camera. Its right quarter is +x, its upper edge +y.
 
+use crate::math::Vector;
+use crate::math::functions::{atan2, sin_cos};
+use canaletto_bvh::lanes::Real64;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// (u, v) of a unit direction, from the image's upper left corner (0, 0) to its lower right one (1, 1). At the poles,
 /// where u is arbitrary, it is that of the middle.
 pub(super) fn uv(direction: DVec3) -> [f64; 2] {
-    let u = 0.5 + libm::atan2(direction.x, -direction.z) / TAU;
-    let across = libm::sqrt(direction.x * direction.x + direction.z * direction.z);
-    [u, libm::atan2(across, direction.y) / PI]
+    uvs(direction.into())
 }
 
 /// The unit direction to (u, v).
-pub(super) fn direction([u, v]: [f64; 2]) -> DVec3 {
-    let (sin_u, cos_u) = libm::sincos((u - 0.5) * TAU);
-    let (sin_v, cos_v) = libm::sincos(v * PI);
-    DVec3::new(sin_v * sin_u, cos_v, -sin_v * cos_u)
+pub(super) fn direction(uv: [f64; 2]) -> DVec3 {
+    directions(uv).into()
+}
+
+/// [`uv`] in each lane.
+#[inline(always)]
+pub(super) fn uvs<F: Real64>(direction: Vector<F>) -> [F; 2] {
+    let Vector { x, y, z } = direction;
+    let across = (x * x + z * z).sqrt();
+    [atan2(x, -z) / TAU + 0.5, atan2(across, y) / PI]
+}
+
+/// [`direction`] in each lane.
+#[inline(always)]
+pub(super) fn directions<F: Real64>([u, v]: [F; 2]) -> Vector<F> {
+    let ([sin_u, cos_u], [sin_v, cos_v]) = (sin_cos((u - 0.5) * TAU), sin_cos(v * PI));
+    Vector { x: sin_v * sin_u, y: cos_v, z: -sin_v * cos_u }
 }
 
 /// The change of (u, v) when the unit direction changes by `change`. Towards the poles the change of u is unbounded.
