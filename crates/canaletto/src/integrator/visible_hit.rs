@@ -74,6 +74,20 @@ pub(in crate::integrator) struct VisibleHit {
     pub(in crate::integrator) crossing: u32,
 }
 
+/// A hit and the bodies that its ray is in: what a ray that goes on from there asks for.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct HitInside {
+    pub(in crate::integrator) hit: Hit,
+    pub(in crate::integrator) inside: u32,
+    pub(in crate::integrator) crossing: u32,
+}
+
+impl VisibleHit {
+    pub(in crate::integrator) fn hit_inside(&self) -> HitInside {
+        HitInside { hit: self.hit, inside: self.inside, crossing: self.crossing }
+    }
+}
+
 /// The differential of the arriving ray, and its effect at the surface.
 #[derive(Clone, Copy)]
 pub(in crate::integrator) struct Footprint {

@@ -54,12 +54,20 @@ impl Samples8 {
         numbers
     }
 
-    /// [`Sample::one_and_two`] of each sample: the single numbers, and the coordinates of the points. It must be called
-    /// from a kernel.
+    /// [`Sample::one_and_two`] of each sample: the single numbers, and the coordinates of the points. The single
+    /// numbers may be 0 unless `has_one`. It must be called from a kernel.
     #[inline(always)]
-    pub(crate) fn one_and_two(&self, dimensions: &[Dimension; LANES]) -> ([f64; LANES], [[f64; LANES]; 2]) {
+    pub(crate) fn one_and_two(
+        &self,
+        dimensions: &[Dimension; LANES],
+        has_one: bool,
+    ) -> ([f64; LANES], [[f64; LANES]; 2]) {
         let (mut ones, mut u, mut v) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        if self.kind == SamplerKind::Sobol {
+        if self.kind == SamplerKind::Sobol && !has_one {
+            for i in 0..LANES {
+                [u[i], v[i]] = sobol::points(self.index[i], self.sampler(i).key_of(dimensions[i]));
+            }
+        } else if self.kind == SamplerKind::Sobol {
             for i in 0..LANES {
                 [u[i], v[i], ones[i]] = sobol::three(self.index[i], self.sampler(i).key_of(dimensions[i]));
             }
@@ -81,11 +89,11 @@ mod tests {
     struct Numbers(Samples8, [Dimension; LANES]);
 
     impl Kernel for Numbers {
-        type Answer = ([f64; LANES], ([f64; LANES], [[f64; LANES]; 2]));
+        type Answer = ([f64; LANES], ([f64; LANES], [[f64; LANES]; 2]), [[f64; LANES]; 2]);
 
         #[inline(always)]
         fn run(self) -> Self::Answer {
-            (self.0.one(&self.1), self.0.one_and_two(&self.1))
+            (self.0.one(&self.1), self.0.one_and_two(&self.1, true), self.0.one_and_two(&self.1, false).1)
         }
     }
 
@@ -103,8 +111,9 @@ mod tests {
             samples.iter().enumerate().for_each(|(i, sample)| eight.set(i, *sample));
             for set in InstructionSet::available() {
                 set.limit();
-                let (ones, (thirds, [u, v])) = InstructionSet::run(Numbers(eight, dimensions));
+                let (ones, (thirds, [u, v]), points) = InstructionSet::run(Numbers(eight, dimensions));
                 for (i, sample) in samples.iter().enumerate() {
+                    assert_eq!(points.map(|row| row[i]), [u[i], v[i]]);
                     assert_eq!(ones[i], sample.one(dimensions[i]), "{kind:?}, lane {i}");
                     assert_eq!((thirds[i], [u[i], v[i]]), sample.one_and_two(dimensions[i]), "{kind:?}, lane {i}");
                 }

@@ -25,18 +25,13 @@ pub(super) fn points<const N: usize>(index: u32, key: u64) -> [f64; N] {
     })
 }
 
-/// Point `index` of the first three dimensions, in the order of [`points`]. All three are distributed jointly.
+/// Point `index` of the first three dimensions, in the order of [`points`], whose two are the first two of these. All
+/// three are distributed jointly.
 #[inline(always)]
 pub(super) fn three(index: u32, key: u64) -> [f64; 3] {
+    let [u, v] = points(index, key);
     let index = scramble(index.reverse_bits(), key).reverse_bits();
-    let first = mix(key);
-    let second = mix(first);
-    let third = mix(second);
-    [
-        fraction(scramble(digits(index, 0), first)),
-        fraction(scramble(digits(index, 1), second)),
-        fraction(scramble(THIRD_SUMS.digits(index), third)),
-    ]
+    [u, v, fraction(scramble(THIRD_SUMS.digits(index), mix(mix(mix(key)))))]
 }
 
 /// Point `index` of the sequence itself, of up to 64 digits, scrambled by `key` in the first N ≤ 2 dimensions.

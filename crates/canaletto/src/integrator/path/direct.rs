@@ -53,9 +53,9 @@ pub(super) struct ShadowRay {
 }
 
 impl PathTracer<'_> {
-    /// The choice among groups of sources for a point.
-    pub(super) fn choice(&mut self, to: &Receiver) -> GroupChoice {
-        self.lights.choice(self.world, to, &mut self.blocks)
+    /// The choice among groups of sources for the point of a lane.
+    pub(super) fn choice(&mut self, lane: usize, to: &Receiver) -> GroupChoice {
+        self.lights.choice(self.world, to, &mut self.blocks[lane])
     }
 
     /// The source that the numbers choose at a surface. None if the surface sends none of its light back.
@@ -67,7 +67,8 @@ impl PathTracer<'_> {
         u: [f64; 2],
         probe: &mut P,
     ) -> Option<ShadowRay> {
-        let (source, point) = self.sample_point((to, choice), u_source, u)?;
+        let (source, chosen) = self.lights.sample(self.world, to, choice, u_source)?;
+        let point = self.source_point(to, (source, chosen), u)?;
         let SourcePoint { wi, position, radiance, pdf, t_max, is_point_light } = point;
         let f = if is_point_light { vertex.eval_point_light(wi) } else { vertex.eval(wi) };
         if f.is_black() || !f.is_finite() {
@@ -89,15 +90,14 @@ impl PathTracer<'_> {
         Some(ShadowRay { source, ray, t_max, light: sample.light(), line: vertex.line(sample.to), inside })
     }
 
-    /// The source that the first number chooses for a point, and a point of it that sends light. The choice must be the
-    /// last one that [`PathTracer::choice`] made.
-    pub(super) fn sample_point(
+    /// A point of a source that sends light, with the probability of the source. The choice of the environment must be
+    /// the last one that [`PathTracer::choice`] made for the first lane.
+    pub(super) fn source_point(
         &self,
-        (to, choice): (&Receiver, &GroupChoice),
-        u_source: f64,
+        to: &Receiver,
+        (source, chosen): (Source, f64),
         u: [f64; 2],
-    ) -> Option<(Source, SourcePoint)> {
-        let (source, chosen) = self.lights.sample(self.world, to, choice, u_source)?;
+    ) -> Option<SourcePoint> {
         let point = match source {
             Source::Light(number) => {
                 let light = self.light(number);
@@ -109,20 +109,20 @@ impl PathTracer<'_> {
             }
             Source::Emitter(number) => {
                 let emitter = &self.lights.emitters.all[number as usize];
-                let EmitterSample { point, radiance, pdf } = emitter.sample_from(self.world, self.time, to.point, u)?;
-                let wi = (point - to.point).try_normalize()?;
+                let sample = emitter.sample_from(self.world, self.time, to.point, u)?;
+                let EmitterSample { point, wi, radiance, pdf } = sample;
                 let (pdf, t_max) = (pdf * chosen, PAST_EMITTER);
                 SourcePoint { wi, position: Some(point), radiance, pdf, t_max, is_point_light: false }
             }
             Source::Environment => {
-                let sample = self.lights.environment.as_ref()?.sample(&self.blocks, u);
+                let sample = self.lights.environment.as_ref()?.sample(&self.blocks[0], u);
                 let radiance = self.world.environment.as_ref()?.radiance_of_sample(&sample);
                 let EnvironmentSample { wi, pdf, .. } = sample;
                 let (pdf, t_max) = (pdf * chosen, f32::INFINITY);
                 SourcePoint { wi, position: None, radiance, pdf, t_max, is_point_light: false }
             }
         };
-        (!point.radiance.is_black()).then_some((source, point))
+        (!point.radiance.is_black()).then_some(point)
     }
 
     /// What a source is outside of path tracing.

@@ -1,5 +1,7 @@
 //! Emitting surfaces as lights.
 
+mod lanes;
+
 use super::light_sampler::strength;
 use super::light_tree::{ClusterBounds, NormalCone};
 use crate::light::attenuation_divisor;
@@ -9,6 +11,7 @@ use crate::shape::{Parallelogram, SurfaceSampler};
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
 use canaletto_bvh::Ray;
 use glam::{DVec3, Vec3};
+pub(super) use lanes::LaneEmitters;
 use std::f64::consts::FRAC_PI_2;
 
 /// How far two triangles may be from a parallelogram, as a share of its size, to be sampled as one.
@@ -44,8 +47,9 @@ enum Place {
 /// The light of a point of an emitter, as if nothing lay between.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EmitterSample {
-    /// The point.
+    /// The point, and the unit direction to it.
     pub(super) point: DVec3,
+    pub(super) wi: DVec3,
     /// The radiance that leaves it towards the lit point.
     pub(super) radiance: Rgb,
     /// The density per unit of solid angle at the lit point.
@@ -257,6 +261,12 @@ impl Emitter {
 
     /// The light of the point at `u` of the unit square, as seen from `p`. None where no light leaves towards `p`.
     pub(super) fn sample_from(&self, world: &World, time: f32, p: DVec3, u: [f64; 2]) -> Option<EmitterSample> {
+        if self.has_lanes(p) {
+            let sample = LaneEmitters::<f64>::gather(|_| self).sample(p.into(), u);
+            let [point, wi] = [sample.point, sample.wi].map(DVec3::from);
+            let radiance = Rgb::new(sample.radiance.x, sample.radiance.y, sample.radiance.z);
+            return sample.lit.then_some(EmitterSample { point, wi, radiance, pdf: sample.pdf });
+        }
         let (point, pdf, outside) = self.with_place(world, time, |to_world| {
             let local = to_world.map_or(p, |t| t.inverse().point(p));
             let sample = self.sampler.sample_from(local, u)?;
@@ -277,7 +287,8 @@ impl Emitter {
             None => self.textured(world, time, p, point)?,
         };
         let radiance = radiance / self.divisor(p.distance(point));
-        (!radiance.is_black()).then_some(EmitterSample { point, radiance, pdf })
+        let wi = (point - p).try_normalize()?;
+        (!radiance.is_black()).then_some(EmitterSample { point, wi, radiance, pdf })
     }
 
     /// What the radiance is divided by at a distance.

@@ -5,6 +5,7 @@ use crate::math::Rgb;
 use crate::shape::Surface;
 use crate::world::Hit;
 use canaletto_bvh::Ray;
+use canaletto_bvh::lanes::Real64;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -225,8 +226,9 @@ impl SourceSample {
 
 /// The weight of a sample whose own density is `pdf`, where another way has density `other`.
 #[inline(always)]
-pub(super) fn power_heuristic(pdf: f64, other: f64) -> f32 {
+pub(super) fn power_heuristic<F: Real64>(pdf: F, other: F) -> F::Narrow {
     // Densities may overflow when squared.
     let ratio = other / pdf;
-    (1.0 / (1.0 + ratio * ratio)) as f32
+    let one = F::splat(1.0);
+    (one / (one + ratio * ratio)).narrow()
 }

@@ -108,6 +108,16 @@ pub(super) struct KnownChoice {
     total: f64,
 }
 
+impl KnownChoice {
+    /// The choice of a point that asks for no source.
+    pub(super) const NONE: KnownChoice = KnownChoice { surfaces: 0.0, environment: 0.0, total: 0.0 };
+
+    /// The probability of the environment, and the total of its weights.
+    pub(super) fn environment(&self) -> (f64, f64) {
+        (self.environment, self.total)
+    }
+}
+
 impl GroupChoice {
     pub(super) fn known(&self) -> KnownChoice {
         let GroupChoice { probabilities, total } = self;
@@ -241,10 +251,22 @@ impl LightSampler {
         weights.map(|weight| if weight > 0.0 { (1.0 - EVEN) * weight / total + EVEN / count } else { 0.0 })
     }
 
+    /// The only source, and what is known of its choice, if all points choose it alike. The environment's directions
+    /// depend on the point.
+    #[inline]
+    pub(super) fn same_everywhere(&self) -> Option<(Source, KnownChoice)> {
+        let only = self.only.filter(|only| *only != Source::Environment)?;
+        let surfaces = if self.only_group == Some(0) { 1.0 } else { 0.0 };
+        Some((only, KnownChoice { surfaces, environment: 0.0, total: 0.0 }))
+    }
+
     /// A source that `u` of [0, 1) chooses for a point, with its probability.
     pub(super) fn sample(&self, world: &World, to: &Receiver, choice: &GroupChoice, u: f64) -> Option<(Source, f64)> {
         if let Some(only) = self.only {
             return Some((only, 1.0));
+        }
+        if let Some(group) = self.only_group {
+            return self.sample_group(world, to, group, u.min(1.0 - f64::EPSILON));
         }
         let groups = &choice.probabilities;
         let mut rest = u;
@@ -256,15 +278,20 @@ impl LightSampler {
         });
         let group = group.unwrap_or(last);
         let u = (rest / groups[group]).clamp(0.0, 1.0 - f64::EPSILON);
-        let (source, probability) = match group {
-            FAR => self.sample_far(world, to, u)?,
-            ENVIRONMENT => (Source::Environment, 1.0),
+        let (source, probability) = self.sample_group(world, to, group, u)?;
+        Some((source, probability * groups[group]))
+    }
+
+    /// A source of a group.
+    fn sample_group(&self, world: &World, to: &Receiver, group: usize, u: f64) -> Option<(Source, f64)> {
+        match group {
+            FAR => self.sample_far(world, to, u),
+            ENVIRONMENT => Some((Source::Environment, 1.0)),
             _ => {
                 let (light, probability) = self.trees[group].tree.sample(to, u)?;
-                (self.trees[group].sources[light as usize], probability)
+                Some((self.trees[group].sources[light as usize], probability))
             }
-        };
-        Some((source, probability * groups[group]))
+        }
     }
 
     fn sample_far(&self, world: &World, to: &Receiver, u: f64) -> Option<(Source, f64)> {

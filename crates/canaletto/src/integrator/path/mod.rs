@@ -14,13 +14,15 @@
 mod description;
 mod direct;
 mod emitter;
+mod escapes;
 mod event;
 mod guiding;
 mod light_sampler;
 mod light_tree;
 mod meter;
-mod opaque8;
+mod queues;
 mod see_through;
+mod source_points;
 mod stream;
 #[cfg(test)]
 mod tests;
@@ -37,6 +39,7 @@ use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::PathSettings;
 use crate::world::{OccluderCache, World};
+use canaletto_bvh::lanes::LANES;
 pub use event::{
     GuidedSample, Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent, SampledSource, SourceSample,
 };
@@ -44,7 +47,7 @@ pub use guiding::GuidingField;
 use guiding::{GuidingRecord, GuidingRecorder};
 use light_sampler::LightSampler;
 pub use meter::PathMeter;
-use opaque8::OpaqueMaterials;
+use queues::OpaqueMaterials;
 use std::sync::Arc;
 use stream::PathStream;
 pub(crate) use training::learn_field;
@@ -139,7 +142,7 @@ impl PreparedRayIntegrator for PreparedPath {
             time: 0.0,
             moved_lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             media: Media::default(),
-            blocks: BlockWeights::default(),
+            blocks: Default::default(),
             occluder: OccluderCache::NONE,
             stream: PathStream::default(),
         }
@@ -185,8 +188,8 @@ pub(crate) struct PathTracer<'w> {
     moved_lights: Vec<PreparedLight>,
     /// The media that the path is in.
     media: Media,
-    /// The weights of the environment's blocks at the last vertex.
-    blocks: BlockWeights,
+    /// The weights of the environment's blocks at the last vertices, by lane. A single vertex has the first lane.
+    blocks: [BlockWeights; LANES],
     /// The last occluder of shadow rays.
     occluder: OccluderCache,
     stream: PathStream,

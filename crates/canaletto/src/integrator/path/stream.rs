@@ -4,9 +4,10 @@
 
 use super::PathTracer;
 use super::direct::ShadowRay;
+use super::escapes::Escapes;
 use super::light_sampler::Source;
-use super::opaque8::OpaqueVertices;
-use super::trace::Path;
+use super::queues::VertexQueues;
+use super::trace::{Arrival, Path};
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
 use crate::world::RayBundle;
@@ -25,7 +26,9 @@ pub(super) struct PathStream {
     /// The shadow rays by their sources: [`PathShadow::key`].
     shadow_order: Vec<u64>,
     /// Vertices of which eight of one kind are shaded together.
-    opaque: OpaqueVertices,
+    queues: VertexQueues,
+    /// Paths of which eight are ended together.
+    escapes: Escapes,
     /// For each path whether it has ended.
     ended: Vec<bool>,
     bundle: RayBundle,
@@ -82,7 +85,7 @@ impl PathTracer<'_> {
     /// Traces all paths to their ends.
     pub(super) fn trace_stream(&mut self) {
         let mut stream = std::mem::take(&mut self.stream);
-        let PathStream { paths, colors, active, shadows, shadow_order, opaque, ended, bundle } = &mut stream;
+        let PathStream { paths, colors, active, shadows, shadow_order, queues, escapes, ended, bundle } = &mut stream;
         active.clear();
         active.extend(0..paths.len() as u32);
         ended.clear();
@@ -100,16 +103,28 @@ impl PathTracer<'_> {
                 let hit = bundle.hit(index);
                 if let Some(hit) = &hit {
                     let end = |path: u32| ended[path as usize] = true;
-                    if self.push_opaque(opaque, (number, hit), paths, shadows, end) {
+                    if self.push_opaque(queues, (number, hit), paths, shadows, end) {
                         continue;
                     }
+                } else if self.push_escape(escapes, number, paths) {
+                    ended[number as usize] = true;
+                    continue;
                 }
                 self.set_time(paths[number as usize].time);
-                let step = self.arrive(&mut paths[number as usize], hit, &mut ());
-                shadows.extend(step.shadow.map(|(ray, throughput)| PathShadow { path: number, ray, throughput }));
-                ended[number as usize] = !step.goes_on;
+                match self.arrive(&mut paths[number as usize], hit, &mut ()) {
+                    Arrival::Surface(vertex) => {
+                        let end = |path: u32| ended[path as usize] = true;
+                        self.push_vertex(queues, (number, vertex), paths, shadows, end);
+                    }
+                    Arrival::Step(step) => {
+                        let shadow = |(ray, throughput)| PathShadow { path: number, ray, throughput };
+                        shadows.extend(step.shadow.map(shadow));
+                        ended[number as usize] = !step.goes_on;
+                    }
+                }
             }
-            self.scatter_opaque(opaque, paths, shadows, |path: u32| ended[path as usize] = true);
+            self.scatter_waiting(queues, paths, shadows, |path: u32| ended[path as usize] = true);
+            self.end_escapes(escapes, paths);
             active.retain(|&number| !ended[number as usize]);
             self.trace_shadows(shadows, shadow_order, bundle, paths);
         }

@@ -102,7 +102,7 @@ fn a_furnace_is_white() {
 /// Paths of full throughput go on for 512 scatterings. From there to ten times that, one of 31.6 is left.
 #[test]
 fn roulette_leaves_full_throughputs_alone_for_long() {
-    use super::trace::survival;
+    let survival = |throughput: Rgb, n: u16| super::trace::survival(throughput.into(), f32::from(n));
     assert!([1, 100, 512].iter().all(|n| survival(Rgb::gray(0.25), *n) == 1.0 && survival(Rgb::gray(3.0), *n) == 1.0));
     assert_eq!(survival(Rgb::new(0.125, 0.0, 0.0), 512), 0.5);
     let left: f64 = (513..=5120).map(|n| f64::from(survival(Rgb::WHITE, n))).product();

@@ -10,15 +10,18 @@ use super::light_tree::Receiver;
 use super::vertex::{MediumVertex, MeterVertex, SurfaceVertex, Vertex};
 use super::{Passage, PathChannel, PathDensities, PathEmitter, PathEnd, PathEvent};
 use crate::integrator::media::{NONE, Refraction, SIMPLE};
-use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
+use crate::integrator::visible_hit::{Footprint, Frame, HitInside, VisibleHit, visible_hit};
 use crate::integrator::{Probe, RayCount, RayKind};
-use crate::material::{HenyeyGreenstein, Lobe, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf};
-use crate::math::{DRay, RayDifferential, Rgb};
+use crate::material::{
+    BsdfSample, HenyeyGreenstein, Lobe, MaterialPoint, Medium, MediumSample, ScatteringFrame, SeenBsdf,
+};
+use crate::math::{DRay, RayDifferential, Rgb, Vector};
 use crate::sampler::{Dimension, Sample};
 use crate::scene::WhittedSettings;
 use crate::shape::Surface;
 use crate::world::Hit;
 use canaletto_bvh::Ray;
+use canaletto_bvh::lanes::Real32;
 use glam::DVec3;
 
 /// Numbers of the uses of random numbers along a path.
@@ -51,15 +54,13 @@ const LONG: u32 = 512;
 
 /// The probability with which a path of this throughput survives roulette at a scattering of this number.
 #[inline(always)]
-pub(super) fn survival(throughput: Rgb, depth: u32) -> f32 {
-    let Rgb { r, g, b } = throughput;
-    let largest = if r > g { r } else { g };
-    let largest = if largest > b { largest } else { b };
-    let by_throughput = largest * (1.0 / ROULETTE_BELOW);
-    let by_throughput = if by_throughput < 1.0 { by_throughput } else { 1.0 };
+pub(super) fn survival<F: Real32>(throughput: Vector<F>, depth: F) -> F {
+    let Vector { x, y, z } = throughput;
+    let one = F::splat(1.0);
+    let by_throughput = (x.max(y).max(z) * (1.0 / ROULETTE_BELOW)).min(one);
     // The product of (1 − 1/k) from 513 to n is 512 / n.
-    let step = 1.0 - 1.0 / depth as f32;
-    let by_length = if depth > LONG { step * step.sqrt() } else { 1.0 };
+    let step = one - one / depth;
+    let by_length = F::select(F::splat(LONG as f32).less(depth), step * step.sqrt(), one);
     by_throughput * by_length
 }
 
@@ -157,24 +158,54 @@ impl Path {
         Footprint::new(differential.as_ref(), line, surface).map(|footprint| footprint.step)
     }
 
+    /// Where it was scattered at the start of its ray, if it is outside of all bodies and sources were asked for there.
+    #[inline]
+    pub(super) fn scattered_straight(&self) -> Option<&ScatteredFrom> {
+        let is_straight = self.is_outside() && !self.segment.passed && self.segment.asked == Asked::Along;
+        self.segment.scattered.as_ref().filter(|_| is_straight)
+    }
+
     /// The line of its next ray.
     pub(super) fn line(&self) -> &DRay {
         &self.segment.line
     }
 
-    /// Sends it on from an opaque surface that scatters to all sides.
-    pub(super) fn leave_opaque(&mut self, ray: Ray, line: DRay, scattered: ScatteredFrom, lobe: Lobe) {
+    /// Sends it on along a ray in a sampled direction, into these bodies. `through` tells whether the direction leads
+    /// through a surface as the only one of its lobe, and if so, whether it is straight on. `lit` is the vertex as
+    /// lights see it, and the choice of a light there, if one was chosen.
+    pub(super) fn leave(
+        &mut self,
+        ray: Ray,
+        line: DRay,
+        inside: [u32; 2],
+        (scattered, through): (&BsdfSample, Option<bool>),
+        lit: Option<(Receiver, KnownChoice)>,
+    ) {
+        let goes_straight = through == Some(true);
+        let asked = match (self.segment.asked, through) {
+            _ if !scattered.is_delta => Asked::Along,
+            (before, Some(_)) => before,
+            (Asked::Nowhere, None) => Asked::Nowhere,
+            (_, None) => Asked::Elsewhere,
+        };
+        let scattered_from = match lit {
+            _ if goes_straight => self.segment.scattered.take(),
+            Some((receiver, choice)) if !scattered.is_delta => {
+                Some(ScatteredFrom { receiver, choice, pdf: scattered.pdf })
+            }
+            _ => None,
+        };
         self.segment = Segment {
             ray,
             line,
             differential: None,
-            inside: [NONE; 2],
-            scattered: Some(scattered),
-            passed: false,
-            asked: Asked::Along,
-            kind: Kind::Scattered(lobe),
+            inside,
+            passed: goes_straight,
+            scattered: scattered_from,
+            asked,
+            kind: Kind::Scattered(scattered.lobe),
         };
-        self.depth += 1;
+        self.depth += u32::from(!goes_straight);
     }
 
     /// The bodies that the next ray starts in.
@@ -186,6 +217,15 @@ impl Path {
     pub(super) fn ray(&self) -> &Ray {
         &self.segment.ray
     }
+}
+
+/// What a path comes to.
+#[expect(clippy::large_enum_variant, reason = "one lives on the stack, until the path goes on")]
+pub(super) enum Arrival {
+    /// A step that is done.
+    Step(Step),
+    /// A surface where it is scattered.
+    Surface(SurfaceVertex),
 }
 
 /// What a surface asks of a path.
@@ -231,7 +271,10 @@ impl PathTracer<'_> {
             self.poll(1);
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
             probe.path(PathEvent::Ray { ray: path.ray(), depth: path.depth });
-            step = self.arrive(&mut path, found, probe);
+            step = match self.arrive(&mut path, found, probe) {
+                Arrival::Step(step) => step,
+                Arrival::Surface(vertex) => self.scatter(&mut path, &Vertex::Surface(&vertex), probe),
+            };
         }
     }
 
@@ -271,11 +314,11 @@ impl PathTracer<'_> {
     }
 
     /// Takes a path to the first visible surface of its ray, and on from there. `found` is the ray's first hit.
-    pub(super) fn arrive<P: Probe + ?Sized>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Step {
+    pub(super) fn arrive<P: Probe + ?Sized>(&mut self, path: &mut Path, found: Option<Hit>, probe: &mut P) -> Arrival {
         let is_eye = matches!(path.segment.kind, Kind::Eye);
         let seen =
             if is_eye { self.meet(&path.segment, found, probe) } else { self.meet(&path.segment, found, &mut ()) };
-        let Some((met, is_first)) = seen else {
+        let Some(met) = seen else {
             let is_direct = self.sees_through || found.is_none() && !path.segment.passed;
             // A path that nothing has bent is on its first surface.
             let arriving = match self.backdrop.filter(|_| path.depth == 1) {
@@ -288,8 +331,9 @@ impl PathTracer<'_> {
             }
             path.light += (path.throughput * arriving).saturated();
             probe.path(PathEvent::End(PathEnd::Miss));
-            return Step::END;
+            return Arrival::Step(Step::END);
         };
+        let is_first = path.segment.inside[1] == NONE && found == Some(met.hit);
         let VisibleHit { hit, surface, material, line, .. } = &met;
         let frame = Frame::new(line.direction, surface);
         if is_eye {
@@ -301,7 +345,7 @@ impl PathTracer<'_> {
         if let Some((medium, inside)) = self.medium_before(&met, frame.outside) {
             let distance = path.segment.line.origin.distance(frame.exact);
             if let Some(step) = self.pass_medium(path, &medium, inside, distance, probe) {
-                return step;
+                return Arrival::Step(step);
             }
         }
         let is_direct = self.sees_through || is_first && !path.segment.passed;
@@ -309,7 +353,7 @@ impl PathTracer<'_> {
         path.light += (path.throughput * emitted).saturated();
         if self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
             probe.path(PathEvent::End(PathEnd::MaxDepth));
-            return Step::END;
+            return Arrival::Step(Step::END);
         }
         let (coverage, sample) = (material.coverage, path.sample);
         if coverage < 1.0 {
@@ -321,7 +365,7 @@ impl PathTracer<'_> {
                 probe.path(PathEvent::Passed(Passage::Coverage));
                 let inside = self.media.crossing(met.crossing).map(|crossing| [crossing.beyond, crossing.next]);
                 path.segment.go_through(&met, &frame, inside.unwrap_or([met.inside, NONE]));
-                return Step { shadow: None, goes_on: true };
+                return Arrival::Step(Step { shadow: None, goes_on: true });
             }
         }
         let (overlay, share) = material.overlay;
@@ -335,9 +379,9 @@ impl PathTracer<'_> {
         if let Some(crossing) = vertex.crossing.filter(|_| vertex.is_index_matched()) {
             path.segment.go_through(&met, &vertex.frame, [crossing.beyond, crossing.next]);
             probe.path(PathEvent::Passed(Passage::IndexMatched));
-            return Step { shadow: None, goes_on: true };
+            return Arrival::Step(Step { shadow: None, goes_on: true });
         }
-        self.scatter(path, &Vertex::Surface(&vertex), probe)
+        Arrival::Surface(vertex)
     }
 
     /// Takes a path through a medium to the end of its ray at a distance. If it is scattered before, returns the step
@@ -376,13 +420,13 @@ impl PathTracer<'_> {
         if !self.has_media {
             return None;
         }
-        let inside = self.inside_before(met, outside);
+        let inside = self.inside_before(&met.hit_inside(), outside);
         let medium = self.world.materials()[self.media.filling(inside)?.material as usize].medium;
         (!medium.is_vacuum()).then_some((medium, inside))
     }
 
     /// The bodies that a ray is in before a hit.
-    fn inside_before(&mut self, met: &VisibleHit, outside: bool) -> u32 {
+    fn inside_before(&mut self, met: &HitInside, outside: bool) -> u32 {
         match met.crossing {
             SIMPLE => self.media.simple_inside(self.world, &met.hit, outside, met.inside),
             _ => met.inside,
@@ -394,7 +438,7 @@ impl PathTracer<'_> {
         let (sample, place) = (path.sample, path.place);
         let numbers = sample.one_and_two(place.of(uses::LIGHT));
         let receiver = vertex.receiver();
-        let choice = (!vertex.is_delta()).then(|| self.choice(&receiver));
+        let choice = (!vertex.is_delta()).then(|| self.choice(0, &receiver));
         let shadow = choice
             .as_ref()
             .and_then(|choice| self.sample_source(vertex, (&receiver, choice), numbers.0, numbers.1, probe));
@@ -431,7 +475,7 @@ impl PathTracer<'_> {
         }
         if self.settings.roulette && path.depth > ROULETTE_AFTER {
             // Guiding makes throughputs small where much light is, and paths there shouldn't end.
-            let survival = survival(path.throughput * path.guided, path.depth);
+            let survival = survival(Vector::from(path.throughput * path.guided), path.depth as f32);
             let survived = sample.one(place.of(uses::ROULETTE)) < f64::from(survival);
             probe.path(PathEvent::Roulette { survival, survived });
             if !survived {
@@ -442,49 +486,23 @@ impl PathTracer<'_> {
         let inside = self.inside_after(vertex, scattered.wi).ok_or(PathEnd::Absorbed)?;
         let line = vertex.line(scattered.wi);
         let through = if let Vertex::Surface(surface) = vertex { surface.goes_through(&scattered) } else { None };
-        let goes_straight = through == Some(true);
-        let asked = match (path.segment.asked, through) {
-            _ if !scattered.is_delta => Asked::Along,
-            (before, Some(_)) => before,
-            (Asked::Nowhere, None) => Asked::Nowhere,
-            (_, None) => Asked::Elsewhere,
-        };
-        let scattered_from = match lit {
-            _ if goes_straight => path.segment.scattered.take(),
-            Some((receiver, choice)) if !scattered.is_delta => {
-                Some(ScatteredFrom { receiver, choice, pdf: scattered.pdf })
-            }
-            _ => None,
-        };
-        path.segment = Segment {
-            ray: vertex.ray(&line),
-            line,
-            differential: None,
-            inside,
-            passed: goes_straight,
-            scattered: scattered_from,
-            asked,
-            kind: Kind::Scattered(scattered.lobe),
-        };
-        path.depth += u32::from(!goes_straight);
+        path.leave(vertex.ray(&line), line, inside, (&scattered, through), lit);
         Ok(())
     }
 
-    /// The first visible surface of a ray whose first hit is `found`, and whether it is that hit.
-    fn meet<P: Probe + ?Sized>(
-        &mut self,
-        segment: &Segment,
-        found: Option<Hit>,
-        probe: &mut P,
-    ) -> Option<(VisibleHit, bool)> {
+    /// The first visible surface of a ray whose first hit is `found`.
+    fn meet<P: Probe + ?Sized>(&mut self, segment: &Segment, found: Option<Hit>, probe: &mut P) -> Option<VisibleHit> {
         let arriving = (segment.line, segment.ray, found, segment.differential.as_ref());
         let visible = visible_hit(self.world, &mut self.media, arriving, segment.inside, self.time, probe);
         let count = self.count(segment.kind);
         count.traced += 1;
         count.hit += u64::from(visible.is_some());
-        let met = visible?;
-        let is_first = segment.inside[1] == NONE && found == Some(met.hit);
-        Some((met, is_first))
+        visible
+    }
+
+    /// Counts a ray of a path that hit nothing.
+    pub(super) fn count_miss(&mut self, path: &Path) {
+        self.count(path.segment.kind).traced += 1;
     }
 
     /// Counts a ray of a path that hit something.
@@ -592,12 +610,7 @@ impl PathTracer<'_> {
     }
 
     /// The scattering at a surface. A path of one channel meets that channel's η.
-    pub(super) fn vertex<'a>(
-        &mut self,
-        met: &'a VisibleHit,
-        frame: Frame,
-        channel: Option<usize>,
-    ) -> SurfaceVertex<'a> {
+    pub(super) fn vertex(&mut self, met: &VisibleHit, frame: Frame, channel: Option<usize>) -> SurfaceVertex {
         let described = self.world.material(&met.hit);
         let crossing = match met.crossing {
             SIMPLE => Some(self.media.simple(self.world, &met.hit, frame.outside, met.inside)),
@@ -625,7 +638,7 @@ impl PathTracer<'_> {
         let opaque = (!is_closed).then_some(frame.normal);
         let is_delta = bsdf.is_delta();
         let guide = self.guide.filter(|_| !is_delta).and_then(|field| field.at(frame.exact, opaque));
-        SurfaceVertex { hit: met, frame, bsdf: bsdf.seen_from(frame.wo), is_delta, guide, crossing }
+        SurfaceVertex { hit: met.hit_inside(), frame, bsdf: bsdf.seen_from(frame.wo), is_delta, guide, crossing }
     }
 
     /// The bodies that a ray is in after it leaves a vertex, and the coinciding surface there. None if it goes into a

@@ -4,7 +4,7 @@ use super::GuidedSample;
 use super::guiding::{GuidedVertex, pdf_of_both};
 use super::light_tree::Receiver;
 use crate::integrator::media::Crossing;
-use crate::integrator::visible_hit::{Frame, VisibleHit};
+use crate::integrator::visible_hit::{Frame, HitInside};
 use crate::material::{BsdfSample, HenyeyGreenstein, Lobe, SeenBsdf};
 use crate::math::{DRay, Rgb, offset_origin, rounding, warp};
 use canaletto_bvh::Ray;
@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 /// A point where a path is scattered.
 pub(super) enum Vertex<'a> {
     /// A point of a surface.
-    Surface(&'a SurfaceVertex<'a>),
+    Surface(&'a SurfaceVertex),
     /// A point in a medium.
     Medium(MediumVertex),
     /// A point where light is measured.
@@ -30,8 +30,8 @@ pub(super) struct MeterVertex {
 }
 
 /// A surface of a path.
-pub(super) struct SurfaceVertex<'a> {
-    pub(super) hit: &'a VisibleHit,
+pub(super) struct SurfaceVertex {
+    pub(super) hit: HitInside,
     pub(super) frame: Frame,
     pub(super) bsdf: SeenBsdf,
     /// Whether light is scattered to single directions only.
@@ -42,7 +42,7 @@ pub(super) struct SurfaceVertex<'a> {
     pub(super) crossing: Option<Crossing>,
 }
 
-impl SurfaceVertex<'_> {
+impl SurfaceVertex {
     /// Whether light passes as if no surface were there.
     pub(super) fn is_index_matched(&self) -> bool {
         self.bsdf.specular_transmission().is_whole()
@@ -56,19 +56,28 @@ impl SurfaceVertex<'_> {
     }
 
     /// The density with which the path goes on along `wi`, by the guiding field and by the surface together.
-    fn pdf(&self, wi: DVec3) -> f64 {
-        let own = self.bsdf.pdf(wi);
+    pub(super) fn pdf(&self, wi: DVec3) -> f64 {
+        self.with_guide(wi, self.bsdf.pdf(wi))
+    }
+
+    /// f |cos θ| of light along `wi`, and [`SurfaceVertex::pdf`].
+    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        let (f, own) = self.bsdf.eval_and_pdf(wi);
+        (f, self.with_guide(wi, own))
+    }
+
+    fn with_guide(&self, wi: DVec3, own: f64) -> f64 {
         self.guide.as_ref().map_or(own, |guide| pdf_of_both(guide.probability, guide.pdf(wi), own))
     }
 
     /// A random direction in which the path goes on, and the part of the guiding field in it.
-    fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<(BsdfSample, Option<GuidedSample>)> {
+    pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<(BsdfSample, Option<GuidedSample>)> {
         let Some(guide) = &self.guide else { return Some((self.bsdf.sample(u_lobe, u)?, None)) };
         let probability = guide.probability;
         let is_chosen = u_lobe < probability;
         let sample = if is_chosen {
             let wi = guide.sample(u);
-            let (f, pdf) = (self.bsdf.eval(wi), self.bsdf.pdf(wi));
+            let (f, pdf) = self.bsdf.eval_and_pdf(wi);
             BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false }
         } else {
             let u_lobe = ((u_lobe - probability) / (1.0 - probability)).min(1.0 - f64::EPSILON);

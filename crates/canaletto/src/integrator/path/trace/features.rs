@@ -44,7 +44,7 @@ impl PathTracer<'_> {
                 return background(Rgb::BLACK);
             }
             let found = self.world.intersect_at(path.ray(), f32::INFINITY, self.time);
-            let Some((met, _)) = self.meet(&path.segment, found, &mut ()) else {
+            let Some(met) = self.meet(&path.segment, found, &mut ()) else {
                 if let Some(backdrop) = self.backdrop.filter(|_| path.depth == 1) {
                     return background(as_albedo(path.throughput * backdrop));
                 }

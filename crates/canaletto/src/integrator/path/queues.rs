@@ -1,26 +1,33 @@
-//! Opaque vertices of eight paths side by side, sorted by their kind of material.
+//! Vertices of eight paths side by side, sorted by their kind of material.
 //!
-//! Most vertices of most scenes are opaque, outside of all bodies, and dark by themselves. Those that are diffuse, and
-//! those of rough metals, take the steps of [`PathTracer::arrive`] and [`PathTracer::scatter`] by the same formulas, so
-//! that colours have equal bits. Surfaces, random numbers, directions and colours are computed for all eight at once.
-//! Textures are looked up and sources are sampled one by one.
+//! All surfaces where paths are scattered wait in a queue until there are eight. They take the steps of
+//! [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Random numbers, points of sources,
+//! weights and rays are computed for all eight at once.
+//!
+//! Many vertices are opaque, outside of all bodies, and dark by themselves. Those of them that are diffuse, and those
+//! of rough metals, have queues of their own: their surfaces and their scattering are computed for all eight at once,
+//! too, and they don't go through [`PathTracer::arrive`]. The scattering of others is evaluated one by one.
 
+mod any_surface;
 mod kernels;
 mod scattering;
 
 use super::PathTracer;
 use super::direct::ShadowRay;
-use super::light_sampler::{KnownChoice, Source};
+use super::source_points::SourceInputs;
 use super::stream::PathShadow;
-use super::trace::{Path, ROULETTE_AFTER, ScatteredFrom, uses};
+use super::trace::{Path, ROULETTE_AFTER, uses};
+use super::vertex::SurfaceVertex;
 use crate::integrator::media::NONE;
-use crate::material::{ConductorPoint, Lobe, MaterialModel, MaterialPoint, Parameter, PreparedMaterial, Target};
+use crate::material::{BsdfSample, ConductorPoint, MaterialModel, MaterialPoint, Parameter, PreparedMaterial, Target};
 use crate::math::{DRay, Rgb};
 use crate::sampler::{Dimension, Samples8};
-use crate::shape::{DVec3x8, SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3, set_vec3, vec3};
+use crate::shape::{SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_vec3, vec3};
 use crate::world::{Hit, World};
+use any_surface::AnySurfaces;
+use canaletto_bvh::lanes::run_lanes;
 use canaletto_bvh::{InstructionSet, Ray};
-use kernels::{Arrive, Arrived, GuidedVertices, Scatter, SourcePoints};
+use kernels::{Arrive, Scatter};
 use scattering::{Diffuse, Materials8, Metals, Scattering8};
 
 /// The number of vertices side by side.
@@ -97,15 +104,16 @@ fn diffuse_color(point: &MaterialPoint) -> Option<Rgb> {
     phong.is_diffuse().then_some(phong.kd)
 }
 
-/// Opaque vertices that wait until eight of one kind are shaded together.
+/// Vertices that wait until eight of one kind are shaded together.
 #[derive(Default)]
-pub(super) struct OpaqueVertices {
-    diffuse: Vertices<Diffuse>,
-    metals: Vertices<Metals>,
+pub(super) struct VertexQueues {
+    diffuse: Queue<Diffuse>,
+    metals: Queue<Metals>,
+    others: Queue<AnySurfaces>,
 }
 
 /// Up to eight vertices whose surfaces are known and that wait for the rest.
-struct Vertices<M> {
+struct Queue<M> {
     len: usize,
     /// The numbers of their paths.
     paths: [u32; LANES],
@@ -114,9 +122,9 @@ struct Vertices<M> {
     materials: M,
 }
 
-impl<M: Default> Default for Vertices<M> {
-    fn default() -> Vertices<M> {
-        Vertices {
+impl<M: Default> Default for Queue<M> {
+    fn default() -> Queue<M> {
+        Queue {
             len: 0,
             paths: [0; LANES],
             inputs: SurfaceInputs8::NONE,
@@ -126,19 +134,20 @@ impl<M: Default> Default for Vertices<M> {
     }
 }
 
-impl<M> Vertices<M> {
+impl<M> Queue<M> {
     /// Adds the surface of a path's hit. Returns its material's values there, if they aren't the same everywhere.
     #[inline]
     fn push(
         &mut self,
         world: &World,
-        (number, path): (u32, &Path),
+        (number, path): (u32, &mut Path),
         hit: &Hit,
         is_textured: bool,
     ) -> Option<MaterialPoint> {
         let lane = self.len;
         self.len += 1;
         self.paths[lane] = number;
+        path.place = path.place.of(uses::NEXT);
         self.inputs.set_line(lane, path.line());
         if is_textured {
             let mut surface = world.surface_without_uv(*path.line(), hit);
@@ -153,18 +162,18 @@ impl<M> Vertices<M> {
 }
 
 impl PathTracer<'_> {
-    /// Adds a path's vertex to those that are shaded eight at a time, if it is one of them. Shades its kind if there
-    /// are eight now; `end` then gets the numbers of the paths that end.
+    /// Adds a path's hit to those that are shaded eight at a time without [`PathTracer::arrive`], if it is one of them.
+    /// Shades its kind if there are eight now; `end` then gets the numbers of the paths that end.
     #[inline]
     pub(super) fn push_opaque(
         &mut self,
-        vertices: &mut OpaqueVertices,
+        queues: &mut VertexQueues,
         (number, hit): (u32, &Hit),
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
         end: impl FnMut(u32),
     ) -> bool {
-        let path = &paths[number as usize];
+        let path = &mut paths[number as usize];
         if !path.is_outside() || self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
             return false;
         }
@@ -172,47 +181,75 @@ impl PathTracer<'_> {
         self.count_hit(path);
         match &material.kind {
             OpaqueKind::Diffuse(kd) => {
-                let lane = vertices.diffuse.len;
-                let point = vertices.diffuse.push(self.world, (number, path), hit, material.is_textured);
+                let lane = queues.diffuse.len;
+                let point = queues.diffuse.push(self.world, (number, path), hit, material.is_textured);
                 let kd = point.map_or(*kd, |point| diffuse_color(&point).unwrap_or_default());
-                set_vec3(&mut vertices.diffuse.materials.kd, lane, kd.to_array().into());
+                set_vec3(&mut queues.diffuse.materials.kd, lane, kd.to_array().into());
                 if lane + 1 == LANES {
-                    self.scatter_eight(&mut vertices.diffuse, paths, shadows, end);
+                    self.scatter_eight(&mut queues.diffuse, paths, shadows, end);
                 }
             }
             OpaqueKind::Metal(metal) => {
-                let lane = vertices.metals.len;
-                vertices.metals.push(self.world, (number, path), hit, material.is_textured);
-                vertices.metals.materials.points[lane] = *metal;
+                let lane = queues.metals.len;
+                queues.metals.push(self.world, (number, path), hit, material.is_textured);
+                queues.metals.materials.points[lane] = *metal;
                 if lane + 1 == LANES {
-                    self.scatter_eight(&mut vertices.metals, paths, shadows, end);
+                    self.scatter_eight(&mut queues.metals, paths, shadows, end);
                 }
             }
         }
         true
     }
 
-    /// Shades the vertices that wait.
-    pub(super) fn scatter_opaque(
+    /// Adds a vertex that [`PathTracer::arrive`] came to. Shades its kind if there are eight now; `end` then gets the
+    /// numbers of the paths that end.
+    pub(super) fn push_vertex(
         &mut self,
-        vertices: &mut OpaqueVertices,
+        queues: &mut VertexQueues,
+        (number, vertex): (u32, SurfaceVertex),
+        paths: &mut [Path],
+        shadows: &mut Vec<PathShadow>,
+        end: impl FnMut(u32),
+    ) {
+        let queue = &mut queues.others;
+        let lane = queue.len;
+        queue.len += 1;
+        queue.paths[lane] = number;
+        queue.surfaces.set_frame(
+            lane,
+            &vertex.frame.exact,
+            &vertex.frame.outer,
+            vertex.frame.point,
+            vertex.frame.error,
+        );
+        queue.materials.push(vertex);
+        if lane + 1 == LANES {
+            self.scatter_eight(queue, paths, shadows, end);
+        }
+    }
+
+    /// Shades the vertices that wait.
+    pub(super) fn scatter_waiting(
+        &mut self,
+        queues: &mut VertexQueues,
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
         mut end: impl FnMut(u32),
     ) {
-        self.scatter_eight(&mut vertices.diffuse, paths, shadows, &mut end);
-        self.scatter_eight(&mut vertices.metals, paths, shadows, &mut end);
+        self.scatter_eight(&mut queues.diffuse, paths, shadows, &mut end);
+        self.scatter_eight(&mut queues.metals, paths, shadows, &mut end);
+        self.scatter_eight(&mut queues.others, paths, shadows, &mut end);
     }
 
     /// Samples a source for each vertex, and sends the paths on. `end` gets the numbers of those that end.
     fn scatter_eight<M: Materials8>(
         &mut self,
-        vertices: &mut Vertices<M>,
+        queue: &mut Queue<M>,
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
         mut end: impl FnMut(u32),
     ) {
-        let Vertices { len, paths: numbers, inputs, surfaces, materials } = vertices;
+        let Queue { len, paths: numbers, inputs, surfaces, materials } = queue;
         if *len == 0 {
             return;
         }
@@ -220,105 +257,91 @@ impl PathTracer<'_> {
         let mut samples = Samples8::splat(paths[numbers[0] as usize].sample);
         let mut places = [Dimension::EYE; LANES];
         let (mut throughput, mut depth, mut guided) = ([[0.0; LANES]; 3], [0; LANES], [1.0; LANES]);
+        let mut times = [0.0; LANES];
         for (lane, number) in numbers.iter().enumerate() {
-            let path = &mut paths[*number as usize];
-            path.place = path.place.of(uses::NEXT);
+            let path = &paths[*number as usize];
             samples.set(lane, path.sample);
             (places[lane], depth[lane], guided[lane]) = (path.place, path.depth, path.guided);
+            times[lane] = path.time;
             set_vec3(&mut throughput, lane, path.throughput.to_array().into());
         }
         let has_roulette = self.settings.roulette && depth.iter().any(|depth| *depth > ROULETTE_AFTER);
-        let arrived =
-            InstructionSet::run(Arrive { inputs, surfaces, samples: &samples, places: &places, has_roulette });
-        let bsdfs = materials.bsdfs(&arrived);
-        let mut sources = [(Source::Environment, 0.0); LANES];
-        let mut choices = [KnownChoice::default(); LANES];
-        let mut points = SourcePoints::NONE;
-        for (lane, number) in numbers.iter().enumerate() {
-            if bsdfs.is_black(lane) {
-                continue;
-            }
-            self.set_time(paths[*number as usize].time);
-            let (u_source, [u, v]) = &arrived.u_source;
-            let receiver = arrived.receiver(lane);
-            let choice = self.choice(&receiver);
-            choices[lane] = choice.known();
-            let sampled = self.sample_point((&receiver, &choice), u_source[lane], [u[lane], v[lane]]);
-            let Some((source, point)) = sampled else { continue };
-            sources[lane] = (source, point.t_max);
-            points.set(lane, source, &point);
-        }
-        let guides = self.guide_eight(&arrived, &bsdfs, &points, &guided, numbers.len());
-        let scattered = InstructionSet::run(Scatter {
+        let arrived = InstructionSet::run(Arrive {
+            inputs,
             surfaces,
-            arrived: &arrived,
-            bsdfs: &bsdfs,
+            samples: &samples,
+            places: &places,
+            has_roulette,
+            chooses_source: self.lights.same_everywhere().is_none(),
+            chooses_lobe: M::HAS_LOBES || self.guide.is_some(),
+        });
+        let vertices = materials.vertices(&arrived, self.guide, numbers.len());
+        let receivers = std::array::from_fn(|lane| vertices.receiver(lane));
+        let (u_source, u) = &arrived.u_source;
+        let lit = vertices.lit();
+        let points = self.sample_points(lit, &SourceInputs { receivers: &receivers, u_source, u, times: &times });
+        let towards_sources = vertices.evaluate(&points);
+        let sampled = vertices.sample();
+        let scattered = run_lanes(Scatter {
+            surfaces,
             points: &points,
-            guides: &guides,
+            towards_sources: &towards_sources,
+            sampled: &sampled,
             throughput: &throughput,
             depth: &depth,
-            has_roulette,
+            guided: &guided,
+            u_roulette: has_roulette.then_some(&arrived.u_roulette),
         });
-        for (lane, (number, (source, t_max))) in numbers.iter().zip(sources).enumerate() {
+        let asks_inside = self.sees_through || self.world.has_clear();
+        for (lane, number) in numbers.iter().enumerate() {
             let path = &mut paths[*number as usize];
+            self.set_time(times[lane]);
             let exact = dvec3(&surfaces.exact, lane);
             if scattered.lit >> lane & 1 == 1 {
                 let to = dvec3(&points.to, lane);
-                let ray = ShadowRay {
-                    source,
-                    ray: Ray {
-                        origin: vec3(&scattered.shadow_origin, lane),
-                        direction: vec3(&scattered.shadow_direction, lane),
-                    },
-                    t_max,
-                    light: rgb(&scattered.light, lane),
-                    line: DRay { origin: exact, direction: if points.far[lane] { to } else { to - exact } },
-                    inside: [NONE; 2],
-                };
-                shadows.push(PathShadow { path: *number, ray, throughput: path.throughput });
+                let to = if points.far >> lane & 1 == 1 { to } else { to - exact };
+                let inside = if asks_inside { vertices.inside_after(self, lane, to) } else { Some([NONE; 2]) };
+                if let Some(inside) = inside {
+                    let ray = ShadowRay {
+                        source: points.sources[lane],
+                        ray: Ray {
+                            origin: vec3(&scattered.shadow_origin, lane),
+                            direction: vec3(&scattered.shadow_direction, lane),
+                        },
+                        t_max: points.t_max[lane],
+                        light: rgb(&scattered.light, lane),
+                        line: DRay { origin: exact, direction: to },
+                        inside,
+                    };
+                    shadows.push(PathShadow { path: *number, ray, throughput: path.throughput });
+                }
             }
-            if scattered.alive >> lane & 1 == 0 {
+            let wi = dvec3(&sampled.wi, lane);
+            let is_alive = scattered.alive >> lane & 1 == 1;
+            let inside = if is_alive { vertices.inside_after(self, lane, wi) } else { None };
+            let Some(inside) = inside else {
                 end(*number);
                 continue;
-            }
+            };
             path.throughput = rgb(&scattered.throughput, lane);
             path.guided = scattered.guided[lane];
-            path.leave_opaque(
+            let sample = BsdfSample {
+                wi,
+                f: rgb(&sampled.f, lane),
+                pdf: sampled.pdf[lane],
+                lobe: sampled.lobes[lane],
+                is_delta: sampled.delta >> lane & 1 == 1,
+            };
+            path.leave(
                 Ray { origin: vec3(&scattered.origin, lane), direction: vec3(&scattered.direction, lane) },
-                DRay { origin: exact, direction: dvec3(&scattered.wi, lane) },
-                ScatteredFrom { receiver: arrived.receiver(lane), choice: choices[lane], pdf: scattered.pdf[lane] },
-                if guides.chosen[lane] { Lobe::Diffuse } else { M::Bsdfs::LOBE },
+                DRay { origin: exact, direction: wi },
+                inside,
+                (&sample, vertices.goes_through(lane, &sample)),
+                (lit >> lane & 1 == 1).then_some((receivers[lane], points.choices[lane])),
             );
         }
+        drop(vertices);
         inputs.clear();
-    }
-
-    /// What the guiding field tells of the vertices. `guided` is [`Path::guided`] of their paths.
-    fn guide_eight(
-        &self,
-        arrived: &Arrived,
-        bsdfs: &impl Scattering8,
-        points: &SourcePoints,
-        guided: &[f32; LANES],
-        len: usize,
-    ) -> GuidedVertices {
-        let none = [0.0; LANES];
-        let wi: DVec3x8 = [none; 3];
-        let (chosen, guided) = ([false; LANES], *guided);
-        let mut guides = GuidedVertices { probability: none, chosen, pdf_of_source: none, wi, pdf: none, guided };
-        let Some(field) = self.guide else { return guides };
-        for lane in (0..len).filter(|lane| !bsdfs.is_black(*lane)) {
-            let receiver = arrived.receiver(lane);
-            let Some(guide) = field.at(receiver.point, Some(receiver.normal)) else { continue };
-            let [u, v] = &arrived.u_direction;
-            let is_chosen = arrived.u_lobe[lane] < guide.probability;
-            let wi = if is_chosen { guide.sample([u[lane], v[lane]]) } else { bsdfs.direction(lane) };
-            set_dvec3(&mut guides.wi, lane, wi);
-            guides.pdf[lane] = guide.pdf(wi);
-            guides.pdf_of_source[lane] = guide.pdf(dvec3(&points.wi, lane));
-            guides.probability[lane] = guide.probability;
-            guides.chosen[lane] = is_chosen;
-        }
-        guides
+        materials.clear();
     }
 }

@@ -1,0 +1,417 @@
+//! The scattering of eight vertices of one kind of material.
+
+use super::kernels::Arrived;
+use super::{LANES, rgb};
+use crate::integrator::media::NONE;
+use crate::integrator::path::PathTracer;
+use crate::integrator::path::guiding::{GuidedVertex, GuidingField, pdf_of_both};
+use crate::integrator::path::light_tree::Receiver;
+use crate::integrator::path::source_points::SourcePoints;
+use crate::material::{
+    BsdfSample, ConductorPoint, Ggx, Lobe, MetalFacets, ScatteringFrame, diffuse_direction, diffuse_pdf, diffuse_share,
+    on_circle,
+};
+use crate::math::Vector;
+use crate::shape::{DVec3x8, Vec3x8, dvec3, set_bits, set_dvec3, set_vec3};
+use canaletto_bvh::lanes::{LaneKernel, Real64, run_lanes};
+use canaletto_bvh::{InstructionSet, Kernel};
+use glam::{DMat3, DVec2, DVec3};
+
+/// The materials of eight vertices of one kind.
+pub(super) trait Materials8: Default {
+    /// Whether surfaces choose among several lobes.
+    const HAS_LOBES: bool;
+
+    type Vertices<'a>: Scattering8
+    where
+        Self: 'a;
+
+    /// The first `len` vertices, as their viewers see them, and as a guiding field knows them.
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a>;
+
+    /// Forgets the vertices.
+    fn clear(&mut self);
+}
+
+/// f |cos θ| of eight directions, and the densities with which paths go on along them.
+pub(super) struct Evaluated8 {
+    pub(super) f: Vec3x8,
+    pub(super) pdf: [f64; LANES],
+}
+
+impl Evaluated8 {
+    pub(super) const NONE: Evaluated8 = Evaluated8 { f: [[0.0; LANES]; 3], pdf: [1.0; LANES] };
+}
+
+/// Eight directions in which paths go on: [`BsdfSample`] side by side.
+pub(super) struct Sampled8 {
+    pub(super) wi: DVec3x8,
+    pub(super) f: Vec3x8,
+    pub(super) pdf: [f64; LANES],
+    /// How much more probable the directions were by the guiding field and the surfaces than by the surfaces alone.
+    pub(super) guided: [f32; LANES],
+    pub(super) lobes: [Lobe; LANES],
+    /// A bit for each vertex that has a direction, and for each direction that is the only one of its lobe.
+    pub(super) valid: u32,
+    pub(super) delta: u32,
+}
+
+impl Sampled8 {
+    pub(super) const NONE: Sampled8 = Sampled8 {
+        wi: [[0.0; LANES]; 3],
+        f: [[0.0; LANES]; 3],
+        pdf: [1.0; LANES],
+        guided: [1.0; LANES],
+        lobes: [Lobe::Diffuse; LANES],
+        valid: 0,
+        delta: 0,
+    };
+}
+
+/// The scattering of eight vertices, by the functions of single vertices.
+pub(super) trait Scattering8 {
+    /// A vertex as lights see it.
+    fn receiver(&self, lane: usize) -> Receiver;
+
+    /// A bit for each vertex that sources are sampled for.
+    fn lit(&self) -> u32;
+
+    /// The light from sampled sources.
+    fn evaluate(&self, points: &SourcePoints) -> Evaluated8;
+
+    /// The directions that the vertices' random numbers choose.
+    fn sample(&self) -> Sampled8;
+
+    /// The bodies that a ray is in after it leaves a vertex: [`PathTracer::inside_after`].
+    fn inside_after(&self, tracer: &mut PathTracer, lane: usize, wi: DVec3) -> Option<[u32; 2]>;
+
+    /// Whether a direction leads through the surface: [`SurfaceVertex::goes_through`].
+    ///
+    /// [`SurfaceVertex::goes_through`]: crate::integrator::path::vertex::SurfaceVertex::goes_through
+    fn goes_through(&self, lane: usize, sample: &BsdfSample) -> Option<bool>;
+}
+
+/// The lobes of eight opaque surfaces.
+pub(super) trait Lobes8 {
+    /// The lobe of the directions that surfaces choose.
+    const LOBE: Lobe;
+
+    /// Whether a vertex scatters no light.
+    fn is_black(&self, lane: usize) -> bool;
+
+    /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions.
+    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8;
+
+    /// The directions that the vertices' random numbers choose.
+    fn directions(&self) -> DVec3x8;
+}
+
+/// Eight opaque vertices, and where light comes from there as far as that was learnt.
+pub(super) struct OpaqueVertices<'a, L> {
+    lobes: L,
+    arrived: &'a Arrived,
+    len: usize,
+    guides: Option<Box<[Option<GuidedVertex>; LANES]>>,
+}
+
+impl<'a, L: Lobes8> OpaqueVertices<'a, L> {
+    fn new(lobes: L, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> OpaqueVertices<'a, L> {
+        let guide = |field: &GuidingField, lane: usize| {
+            let receiver = arrived.receiver(lane);
+            let is_lit = lane < len && !lobes.is_black(lane);
+            is_lit.then(|| field.at(receiver.point, Some(receiver.normal))).flatten()
+        };
+        let guides = field.map(|field| Box::new(std::array::from_fn(|lane| guide(field, lane))));
+        OpaqueVertices { lobes, arrived, len, guides }
+    }
+
+    /// The guides of the vertices that have one.
+    fn guides(&self) -> impl Iterator<Item = (usize, &GuidedVertex)> {
+        let guides = self.guides.iter().flat_map(|guides| guides.iter().enumerate());
+        guides.filter_map(|(lane, guide)| Some((lane, guide.as_ref()?)))
+    }
+}
+
+impl<L: Lobes8> Scattering8 for OpaqueVertices<'_, L> {
+    fn receiver(&self, lane: usize) -> Receiver {
+        self.arrived.receiver(lane)
+    }
+
+    fn lit(&self) -> u32 {
+        (0..self.len).map(|lane| u32::from(!self.lobes.is_black(lane)) << lane).sum()
+    }
+
+    fn evaluate(&self, points: &SourcePoints) -> Evaluated8 {
+        let mut evaluated = self.lobes.evaluate(&points.wi);
+        for (lane, guide) in self.guides() {
+            let pdf = guide.pdf(dvec3(&points.wi, lane));
+            evaluated.pdf[lane] = pdf_of_both(guide.probability, pdf, evaluated.pdf[lane]);
+        }
+        evaluated
+    }
+
+    fn sample(&self) -> Sampled8 {
+        let mut wi = self.lobes.directions();
+        let (mut chosen, [u, v]) = (0, &self.arrived.u_direction);
+        for (lane, guide) in self.guides() {
+            if self.arrived.u_lobe[lane] < guide.probability {
+                set_dvec3(&mut wi, lane, guide.sample([u[lane], v[lane]]));
+                chosen |= 1 << lane;
+            }
+        }
+        let Evaluated8 { f, mut pdf } = self.lobes.evaluate(&wi);
+        // A surface's own direction that it doesn't scatter to has no density.
+        let valid = (0..self.len).map(|lane| u32::from(pdf[lane] > 0.0) << lane).sum::<u32>() | chosen;
+        let (mut guided, mut lobes) = ([1.0; LANES], [L::LOBE; LANES]);
+        for (lane, guide) in self.guides() {
+            let own = pdf[lane];
+            pdf[lane] = pdf_of_both(guide.probability, guide.pdf(dvec3(&wi, lane)), own);
+            guided[lane] = (pdf[lane] / own) as f32;
+        }
+        set_bits(chosen).for_each(|lane| lobes[lane] = Lobe::Diffuse);
+        Sampled8 { wi, f, pdf, guided, lobes, valid, delta: 0 }
+    }
+
+    #[inline(always)]
+    fn inside_after(&self, _: &mut PathTracer, _: usize, _: DVec3) -> Option<[u32; 2]> {
+        Some([NONE; 2])
+    }
+
+    #[inline(always)]
+    fn goes_through(&self, _: usize, _: &BsdfSample) -> Option<bool> {
+        None
+    }
+}
+
+/// The colours of eight diffuse vertices.
+#[derive(Default)]
+pub(in super::super) struct Diffuse {
+    pub(super) kd: Vec3x8,
+}
+
+/// Eight diffuse vertices.
+pub(super) struct DiffuseLobes<'a> {
+    kd: &'a Vec3x8,
+    arrived: &'a Arrived,
+}
+
+impl Materials8 for Diffuse {
+    const HAS_LOBES: bool = false;
+
+    type Vertices<'a> = OpaqueVertices<'a, DiffuseLobes<'a>>;
+
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
+        OpaqueVertices::new(DiffuseLobes { kd: &self.kd, arrived }, arrived, field, len)
+    }
+
+    fn clear(&mut self) {}
+}
+
+impl Lobes8 for DiffuseLobes<'_> {
+    const LOBE: Lobe = Lobe::Diffuse;
+
+    fn is_black(&self, lane: usize) -> bool {
+        rgb(self.kd, lane).is_black()
+    }
+
+    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8 {
+        run_lanes(EvaluateDiffuse { lobes: self, wi })
+    }
+
+    fn directions(&self) -> DVec3x8 {
+        run_lanes(DiffuseDirections(self.arrived))
+    }
+}
+
+struct EvaluateDiffuse<'a> {
+    lobes: &'a DiffuseLobes<'a>,
+    wi: &'a DVec3x8,
+}
+
+impl LaneKernel for EvaluateDiffuse<'_> {
+    type Answer = Evaluated8;
+
+    #[inline(always)]
+    fn run<F: Real64>(self) -> Evaluated8 {
+        let DiffuseLobes { kd, arrived } = self.lobes;
+        let (normal, facing) = (Vector::<F>::load(&arrived.normal), Vector::load(&arrived.facing));
+        let wi = Vector::load(self.wi);
+        let mut evaluated = Evaluated8::NONE;
+        (Vector::load(kd) * diffuse_share(normal, facing, wi)).store(&mut evaluated.f);
+        diffuse_pdf(normal, wi).store(&mut evaluated.pdf);
+        evaluated
+    }
+}
+
+struct DiffuseDirections<'a>(&'a Arrived);
+
+impl LaneKernel for DiffuseDirections<'_> {
+    type Answer = DVec3x8;
+
+    #[inline(always)]
+    fn run<F: Real64>(self) -> DVec3x8 {
+        let Arrived { normal, u_direction: [u, v], .. } = self.0;
+        let mut wi = [[0.0; LANES]; 3];
+        diffuse_direction(Vector::<F>::load(normal), [F::load(u), F::load(v)]).store(&mut wi);
+        wi
+    }
+}
+
+/// Eight rough metals.
+#[derive(Default)]
+pub(in super::super) struct Metals {
+    pub(super) points: [ConductorPoint; LANES],
+}
+
+/// The facets of eight rough metals.
+pub(super) struct MetalLobes<'a> {
+    eta: Vec3x8,
+    k: Vec3x8,
+    alpha: [f64; LANES],
+    /// The factors of what one scattering reflects.
+    returned: Vec3x8,
+    facing: &'a DVec3x8,
+    /// Whether the normal of any facets may be another one than the geometric one.
+    may_be_bent: bool,
+    /// The axes of the facets, and the viewers' directions in them.
+    axes: [DVec3x8; 3],
+    wo: DVec3x8,
+    /// The points of the unit circle for the directions, and the other random number for them.
+    circle: [[f64; LANES]; 2],
+    u: &'a [f64; LANES],
+}
+
+/// Finds the axes of facets, and the viewers' directions in them.
+struct FindAxes<'a>(&'a Arrived);
+
+impl Kernel for FindAxes<'_> {
+    type Answer = ([DVec3x8; 3], DVec3x8);
+
+    #[inline(always)]
+    fn run(self) -> Self::Answer {
+        let Arrived { wo, normal, facing, .. } = self.0;
+        let [mut x, mut y, mut z, mut local] = [[[0.0; LANES]; 3]; 4];
+        for i in 0..LANES {
+            let wo = dvec3(wo, i);
+            let axes = ScatteringFrame::isotropic_facet_axes(dvec3(normal, i), dvec3(facing, i), wo);
+            set_dvec3(&mut x, i, axes.x_axis);
+            set_dvec3(&mut y, i, axes.y_axis);
+            set_dvec3(&mut z, i, axes.z_axis);
+            set_dvec3(&mut local, i, axes.transpose() * wo);
+        }
+        ([x, y, z], local)
+    }
+}
+
+impl Materials8 for Metals {
+    const HAS_LOBES: bool = false;
+
+    type Vertices<'a> = OpaqueVertices<'a, MetalLobes<'a>>;
+
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
+        OpaqueVertices::new(self.lobes(arrived), arrived, field, len)
+    }
+
+    fn clear(&mut self) {}
+}
+
+impl Metals {
+    /// The facets as the viewers see them.
+    fn lobes<'a>(&self, arrived: &'a Arrived) -> MetalLobes<'a> {
+        let (axes, wo) = InstructionSet::run(FindAxes(arrived));
+        let [turn, u] = &arrived.u_direction;
+        let [mut eta, mut k, mut returned] = [[[0.0; LANES]; 3]; 3];
+        let (mut alpha, mut circle) = ([0.0; LANES], [[0.0; LANES]; 2]);
+        for (lane, point) in self.points.iter().enumerate() {
+            set_vec3(&mut eta, lane, point.eta.to_array().into());
+            set_vec3(&mut k, lane, point.k.to_array().into());
+            set_vec3(&mut returned, lane, point.returned(wo[2][lane]).to_array().into());
+            alpha[lane] = point.alpha;
+            [circle[0][lane], circle[1][lane]] = on_circle(turn[lane]).to_array();
+        }
+        MetalLobes {
+            eta,
+            k,
+            alpha,
+            returned,
+            facing: &arrived.facing,
+            may_be_bent: arrived.normal != arrived.facing,
+            axes,
+            wo,
+            circle,
+            u,
+        }
+    }
+}
+
+impl MetalLobes<'_> {
+    #[inline(always)]
+    fn one(&self, lane: usize) -> MetalFacets {
+        let [x, y, z] = &self.axes;
+        MetalFacets {
+            eta: rgb(&self.eta, lane),
+            k: rgb(&self.k, lane),
+            ggx: Ggx::isotropic(self.alpha[lane]),
+            facing: dvec3(self.facing, lane),
+            may_be_bent: self.may_be_bent,
+            axes: DMat3::from_cols(dvec3(x, lane), dvec3(y, lane), dvec3(z, lane)),
+            wo: dvec3(&self.wo, lane),
+            returned: rgb(&self.returned, lane),
+        }
+    }
+}
+
+impl Lobes8 for MetalLobes<'_> {
+    const LOBE: Lobe = Lobe::Mirror;
+
+    fn is_black(&self, _: usize) -> bool {
+        false
+    }
+
+    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8 {
+        InstructionSet::run(EvaluateMetals { lobes: self, wi })
+    }
+
+    fn directions(&self) -> DVec3x8 {
+        InstructionSet::run(MetalDirections(self))
+    }
+}
+
+struct EvaluateMetals<'a> {
+    lobes: &'a MetalLobes<'a>,
+    wi: &'a DVec3x8,
+}
+
+impl Kernel for EvaluateMetals<'_> {
+    type Answer = Evaluated8;
+
+    #[inline(always)]
+    fn run(self) -> Evaluated8 {
+        // Each loop writes to arrays of its own, of one type each. The compiler vectorises no other loops.
+        let mut evaluated = Evaluated8::NONE;
+        for i in 0..LANES {
+            let f = self.lobes.one(i).eval(dvec3(self.wi, i));
+            set_vec3(&mut evaluated.f, i, f.to_array().into());
+        }
+        for i in 0..LANES {
+            evaluated.pdf[i] = self.lobes.one(i).pdf(dvec3(self.wi, i));
+        }
+        evaluated
+    }
+}
+
+struct MetalDirections<'a>(&'a MetalLobes<'a>);
+
+impl Kernel for MetalDirections<'_> {
+    type Answer = DVec3x8;
+
+    #[inline(always)]
+    fn run(self) -> DVec3x8 {
+        let MetalLobes { circle: [x, y], u, .. } = self.0;
+        let mut wi = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            set_dvec3(&mut wi, i, self.0.one(i).direction(DVec2::new(x[i], y[i]), u[i]));
+        }
+        wi
+    }
+}
