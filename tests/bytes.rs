@@ -87,6 +87,125 @@ light "directional" { direction 0.3 -1 -0.5; intensity 0.1 }
 light "sphere" { center @-1 @1 @2; radius @0.1; intensity 0.4; emission "matte"; attenuation 0 0 //1 }
 "#;
 
+/// Boxes under a disk that is also near, with a colour on a wall.
+const ROOM: &str = r#"
+camera { eye 0 1 3.4; center 0 1 0; fovy 38; size 24 18 }
+film { samples 32 }
+integrator "path"
+background 0
+material "white" { kd 0.7 }
+material "red" { kd 0.6 0.1 0.1 }
+material "lamp" { kd 0; emission 12 10 8 }
+box material="white" { min -1 -0.1 -1; max 1 0 1 }
+box material="white" { min -1 2 -1; max 1 2.1 1 }
+box material="white" { min -1 0 -1.1; max 1 2 -1 }
+box material="red" { min -1.1 0 -1; max -1 2 1 }
+box material="white" { min 1 0 -1; max 1.1 2 1 }
+box material="white" { min -0.6 0 -0.6; max 0 1.2 0; rotate-y 20 }
+disk material="lamp" { center 0 1.98 0; normal 0 -1 0; radius 0.4 }
+disk material="lamp" { center 0.5 0.3 0.4; normal 0.2 -1 0.1; radius 0.25 }
+"#;
+
+/// Spheres and a disk under a picture around.
+const SKY: &str = r#"
+camera { eye 0 1.5 5; center 0 0.5 0; fovy 40; size 24 18 }
+film { samples 32 }
+integrator "path"
+environment "lat-long" file="around.hdr" { rotate-y 70; rotate-x 20 }
+material "grey" { kd 0.5 }
+material "gold" { conductor "gold"; roughness 0.3 }
+disk material="grey" { center 0 0 0; normal 0 1 0; radius 8 }
+sphere material="grey" { center -1.2 0.5 0; radius 0.5 }
+sphere material="gold" { center 0 0.5 0.3; radius 0.5 }
+sphere material="grey" { center 1.2 0.5 0; radius 0.5 }
+"#;
+
+/// Rectangles, triangles and spheres as lamps, near and far, turned and stretched, from one side and from two.
+const SHEETS: &str = r#"
+camera { eye 0 2 6; center 0 0.8 0; fovy 40; size 24 18 }
+film { samples 32 }
+integrator "path"
+background 0.02
+material "floor" { kd 0.6 0.5 0.4 }
+material "lamp" { kd 0.2; emission 5 4 3 }
+material "both" { kd 0.2; emission 2 3 5; two-sided }
+plane material="floor" { point 0 0 0; normal 0 1 0 }
+rectangle material="lamp" { corner -2 1 -1; u 1.5 0 0; v 0 0.2 1 }
+rectangle material="both" { corner 0.5 0.02 0; u 0.5 0 0; v 0 0.4 0.3 }
+triangle material="lamp" { a -0.5 0.1 1; b 0.3 0.1 1.2; c 0 0.8 0.8 }
+triangle material="both" { a 2 2 -1; b 2.4 2 -1; c 2.2 2.5 -1.2 }
+sphere material="lamp" { center 1.6 0.5 1; radius 0.3; scale 1 0.4 1; rotate-z 30 }
+disk material="lamp" { center -1.5 0.8 1.5; normal 1 -1 0; radius 0.2; scale 1 1 2 }
+"#;
+
+/// The chapter's highlights, mirrors and clear bodies, by the chapter's lights and an area light.
+const PHONG: &str = r#"
+camera { eye 0 1.2 4; center 0 0.5 0; fovy 42; size 24 18 }
+film { samples 32 }
+integrator "path"
+background 0.3 0.4 0.5
+material "shiny" { kd 0.3 0.2 0.5; ks 0.4; n 20 }
+material "mirror" { kd 0.1; k 0.8 }
+material "clear" { kd 0.05; ks 0.2; n 60; k 0.1; opacity 0.2; eta 1.4 }
+material "floor" { kd 0.5; ks 0.2; n 200 }
+plane material="floor" { point 0 0 0; normal 0 1 0 }
+sphere material="shiny" { center -0.9 0.5 0; radius 0.5 }
+sphere material="mirror" { center 0.1 0.5 -0.4; radius 0.5 }
+sphere material="clear" { center 0.9 0.5 0.4; radius 0.5 }
+light "omni" { position -2 3 2; intensity 0.6 }
+light "sphere" { center 2 2 1; radius 0.4; intensity 0.5; emission "matte" }
+"#;
+
+/// Standard surfaces with textures, bent normals and a coat.
+const TEXTURED: &str = r#"
+camera { eye 0 1.2 4; center 0 0.5 0; fovy 42; size 24 18 }
+film { samples 32 }
+integrator "path"
+environment "gradient" { stops -90 0.1 0.1 0.1  0 0.9 0.8 0.7  90 0.2 0.4 0.9 }
+texture "checks" kind="checker" { even 0.8 0.7 0.2; odd 0.2 0.1 0.1 }
+texture "waves" kind="fbm" { octaves 3; stops 0 0 0 0  1 1 1 1 }
+material "plastic" { standard { base { color 0.8 0.2 0.1 }; specular { roughness 0.2 }; coat { weight 0.5; roughness 0.1 } }
+    texture "checks" mapping="spherical" repeat=6
+}
+material "bumpy" { standard { base { color 0.4 0.5 0.6; metalness 1 }; specular { roughness 0.4 } }
+    texture "waves" use="bump" height=0.05 mapping="solid" { scale 0.4 }
+}
+material "floor" { kd 0.5; texture "checks" mapping="planar" space="world" { scale 0.5; rotate-x 90 } }
+plane material="floor" { point 0 0 0; normal 0 1 0 }
+sphere material="plastic" { center -0.7 0.5 0; radius 0.5 }
+sphere material="bumpy" { center 0.6 0.5 0; radius 0.5 }
+rectangle material="plastic" { corner -2 0 -1; u 4 0 0; v 0 1.5 0 }
+light "directional" { direction 0.4 -1 -0.3; intensity 0.5 }
+"#;
+
+/// Smoke, glass and guiding under one lamp.
+const SMOKE: &str = r#"
+camera { eye 0 1 4; center 0 0.8 0; fovy 42; size 24 18 }
+film { samples 32 }
+integrator "path" { guiding "on" }
+background 0
+material "wall" { kd 0.7 0.6 0.6 }
+material "lamp" { kd 0; emission 20 }
+material "smoke" { medium { scattering 0.6 0.7 0.8; anisotropy 0.3 } }
+material "glass" { dielectric 1.5 }
+box material="wall" { min -1.5 -0.1 -1.5; max 1.5 0 1.5 }
+box material="wall" { min -1.5 0 -1.6; max 1.5 2.5 -1.5 }
+box material="smoke" { min -1.4 0.01 -1.4; max 1.4 0.6 1.4 }
+sphere material="glass" { center 0 0.9 0; radius 0.4 }
+sphere material="lamp" { center 0.8 2 0; radius 0.15 }
+"#;
+
+const SCENES: [(&str, &str); 8] = [
+    ("bodies", BODIES),
+    ("lamps", LAMPS),
+    ("room", ROOM),
+    ("sky", SKY),
+    ("sheets", SHEETS),
+    ("phong", PHONG),
+    ("textured", TEXTURED),
+    ("smoke", SMOKE),
+];
+
 /// The text with its lengths multiplied by 2ᵏ.
 fn scaled(text: &str, k: i32) -> String {
     let mut scaled = String::new();
@@ -151,21 +270,38 @@ fn rendering(text: &str, k: i32, samples: [u32; 2]) -> Rendering {
 
 #[test]
 fn paths_have_equal_bytes_by_any_threads_and_instructions() {
-    let sets = InstructionSet::available();
-    for (name, text) in [("bodies", BODIES), ("lamps", LAMPS)] {
+    for (name, text) in SCENES {
         let first = rendering(text, 0, [0, 16]);
-        for (index, threads) in [1, 2, 3, 7].into_iter().enumerate() {
-            let set = sets[index % sets.len()];
+        for threads in [1, 2, 3, 7] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let again = pool.install(|| {
-                set.limit();
-                rendering(text, 0, [0, 16])
-            });
-            let name = format!("{name}, {threads} threads, {}", set.name());
-            assert_same_picture(&again.picture, &first.picture, &name);
-            assert_eq!(again.counts, first.counts, "{name}");
+            for set in InstructionSet::available() {
+                let again = pool.install(|| {
+                    set.limit();
+                    rendering(text, 0, [0, 16])
+                });
+                let name = format!("{name}, {threads} threads, {}", set.name());
+                assert_same_picture(&again.picture, &first.picture, &name);
+                assert_eq!(again.counts, first.counts, "{name}");
+            }
         }
         InstructionSet::Avx512.limit();
+    }
+}
+
+/// A path alone takes the steps of paths side by side: one lane and eight are one program.
+#[test]
+fn explained_paths_have_the_colours_of_pictures() {
+    for (name, text) in SCENES {
+        let scene = scene(text, 0);
+        let world = World::build(scene.clone()).unwrap();
+        let job = job(&scene, [0, 8]);
+        let picture = render(&world, &job, &()).unwrap().picture;
+        let session = Session::open(&world, &job, Preparation::default()).unwrap();
+        let explainer = Explainer::new(&session);
+        for (x, y) in (0..24 * 18).step_by(5).map(|pixel| (pixel % 24, pixel / 24)) {
+            let paths = explainer.paths(x, y).unwrap();
+            assert_eq!(paths.color, picture.pixel(x, y), "{name}, pixel {x} {y}");
+        }
     }
 }
 
