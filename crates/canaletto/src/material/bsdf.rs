@@ -7,7 +7,8 @@ use super::conductor::SeenConductor;
 use super::dielectric::SeenDielectric;
 use super::standard::SeenStandard;
 use super::{ConductorBsdf, DielectricBsdf, DiffuseBsdf, PhongBsdf, StandardBsdf};
-use crate::math::{Rgb, select};
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::Real64;
 use glam::{DMat3, DVec3};
 use serde::Serialize;
 
@@ -54,23 +55,13 @@ impl ScatteringFrame {
     /// The axes of microfacets that are alike in all directions, for these normals.
     #[inline(always)]
     pub(crate) fn isotropic_facet_axes(normal: DVec3, facing: DVec3, wo: DVec3) -> DMat3 {
-        let z = ScatteringFrame::seen_normal(normal, facing, wo);
-        let x = z.any_orthonormal_vector();
-        DMat3::from_cols(x, z.cross(x), z)
-    }
-
-    /// The shading normal on the side of `wo`. One that leans away from `wo` is mirrored to lean as much towards it, so
-    /// that nothing jumps where a surface bends out of sight.
-    #[inline(always)]
-    fn seen_normal(normal: DVec3, facing: DVec3, wo: DVec3) -> DVec3 {
-        let cos = wo.dot(normal);
-        let towards = select(cos > 0.0, normal, normal - wo * (2.0 * cos));
-        select(cos.abs() > SEEN_EDGE_ON, towards, facing)
+        let [x, y, z] = isotropic_axes::<f64>(normal.into(), facing.into(), wo.into()).map(DVec3::from);
+        DMat3::from_cols(x, y, z)
     }
 
     /// The normal around which microfacets are distributed. It is on the side of `wo`.
     pub(super) fn facet_normal(&self, wo: DVec3) -> DVec3 {
-        ScatteringFrame::seen_normal(self.normal, self.facing, wo)
+        seen_normal::<f64>(self.normal.into(), self.facing.into(), wo.into()).into()
     }
 
     /// Whether the shading normal is not the geometric one.
@@ -89,6 +80,23 @@ impl ScatteringFrame {
     }
 }
 
+/// The axes of microfacets that are alike in all directions, for these normals.
+#[inline(always)]
+pub(crate) fn isotropic_axes<F: Real64>(normal: Vector<F>, facing: Vector<F>, wo: Vector<F>) -> [Vector<F>; 3] {
+    let z = seen_normal(normal, facing, wo);
+    let [_, x] = z.orthonormal_pair();
+    [x, z.cross(x), z]
+}
+
+/// The shading normal on the side of `wo`. One that leans away from `wo` is mirrored to lean as much towards it, so
+/// that nothing jumps where a surface bends out of sight.
+#[inline(always)]
+fn seen_normal<F: Real64>(normal: Vector<F>, facing: Vector<F>, wo: Vector<F>) -> Vector<F> {
+    let cos = wo.dot(normal);
+    let towards = Vector::select(F::splat(0.0).less(cos), normal, normal - wo * (cos * 2.0));
+    Vector::select(F::splat(SEEN_EDGE_ON).less(cos.abs()), towards, facing)
+}
+
 /// The cosine below which a shading normal is at right angles to the viewer, so that the geometric one is taken.
 const SEEN_EDGE_ON: f64 = 1e-9;
 
@@ -96,7 +104,13 @@ const SEEN_EDGE_ON: f64 = 1e-9;
 /// side of the geometric surface goes there, since the surface around them mirrors it, or lets it through.
 #[inline(always)]
 pub(super) fn mirrored_at(facing: DVec3, wi: DVec3) -> DVec3 {
-    wi - facing * (2.0 * wi.dot(facing))
+    mirrored_directions::<f64>(facing.into(), wi.into()).into()
+}
+
+/// [`mirrored_at`] in each lane.
+#[inline(always)]
+pub(super) fn mirrored_directions<F: Real64>(facing: Vector<F>, wi: Vector<F>) -> Vector<F> {
+    wi - facing * (wi.dot(facing) * 2.0)
 }
 
 /// A random direction of scattering.
@@ -209,17 +223,17 @@ impl SeenBsdf {
         match self {
             SeenBsdf::Diffuse(diffuse) => diffuse.eval(wi),
             SeenBsdf::Phong(phong, wo) => phong.eval(*wo, wi),
-            SeenBsdf::Conductor(conductor) => conductor.eval(wi),
-            SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).0,
+            SeenBsdf::Conductor(_) | SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).0,
         }
     }
 
     /// [`Bsdf::eval`] and [`Bsdf::pdf`].
     pub(crate) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
         match self {
+            SeenBsdf::Conductor(conductor) => conductor.eval_and_pdf(wi),
             SeenBsdf::Dielectric(dielectric) => dielectric.eval_and_pdf(wi),
             SeenBsdf::Standard(standard) => standard.eval_and_pdf(wi),
-            SeenBsdf::Diffuse(_) | SeenBsdf::Phong(..) | SeenBsdf::Conductor(_) => (self.eval(wi), self.pdf(wi)),
+            SeenBsdf::Diffuse(_) | SeenBsdf::Phong(..) => (self.eval(wi), self.pdf(wi)),
         }
     }
 
@@ -258,8 +272,7 @@ impl SeenBsdf {
             SeenBsdf::Diffuse(diffuse) if diffuse.kd.is_black() => 0.0,
             SeenBsdf::Diffuse(diffuse) => diffuse.pdf(wi),
             SeenBsdf::Phong(phong, wo) => phong.pdf(*wo, wi),
-            SeenBsdf::Conductor(conductor) => conductor.pdf(wi),
-            SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).1,
+            SeenBsdf::Conductor(_) | SeenBsdf::Dielectric(_) | SeenBsdf::Standard(_) => self.eval_and_pdf(wi).1,
         }
     }
 }

@@ -4,13 +4,15 @@
 //! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part
 //! is not reciprocal.
 
-use super::bsdf::mirrored_at;
+use super::bsdf::{mirrored_at, mirrored_directions};
 use super::conductor_albedo::conductor_albedo;
-use super::ggx::{Ggx, on_circle};
+use super::fresnel::fresnel_conductors;
+use super::ggx::Ggx;
 use super::{BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
-use crate::math::{Rgb, select};
-use glam::{DMat3, DVec2, DVec3};
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::{LANES, Mask, Real, Real64};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// A metal.
@@ -130,20 +132,12 @@ impl ConductorBsdf {
     }
 
     /// The facets as they are seen from `wo`. The metal must be rough.
-    fn facets(&self, wo: DVec3) -> MetalFacets {
+    fn facets(&self, wo: DVec3) -> MetalFacets<f64> {
         let ConductorBsdf { point, frame } = self;
         let axes = frame.facet_axes(wo);
-        let local = axes.transpose() * wo;
-        MetalFacets {
-            eta: point.eta,
-            k: point.k,
-            ggx: Ggx::isotropic(point.alpha),
-            facing: frame.facing,
-            may_be_bent: frame.is_bent(),
-            axes,
-            wo: local,
-            returned: point.returned(local.z),
-        }
+        let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(Vector::from);
+        MetalFacets::new(point.eta.into(), point.k.into(), point.alpha, frame.facing.into(), axes, wo.into())
+            .returning(|_, cos| point.returned(cos))
     }
 }
 
@@ -152,97 +146,112 @@ pub(crate) struct SeenConductor {
     bsdf: ConductorBsdf,
     wo: DVec3,
     /// The facets of a rough metal.
-    facets: Option<MetalFacets>,
+    facets: Option<MetalFacets<f64>>,
 }
 
-/// The facets of a rough metal as they are seen from one direction. Path tracing evaluates eight of them side by side
-/// by the same functions.
-pub(crate) struct MetalFacets {
-    pub(crate) eta: Rgb,
-    pub(crate) k: Rgb,
-    pub(crate) ggx: Ggx,
+/// The facets of a rough metal in each lane, as they are seen from one direction.
+pub(crate) struct MetalFacets<F: Real64> {
+    eta: Vector<F::Narrow>,
+    k: Vector<F::Narrow>,
+    ggx: Ggx<F>,
     /// The geometric normal on the viewer's side.
-    pub(crate) facing: DVec3,
-    /// Whether the facets' own normal may be another one, here or at a vertex beside this one.
-    pub(crate) may_be_bent: bool,
-    /// The axes of the facets as columns, and the viewer's direction in them.
-    pub(crate) axes: DMat3,
-    pub(crate) wo: DVec3,
+    facing: Vector<F>,
+    /// Where the facets' own normal is another one.
+    bent: F::Mask,
+    /// The axes of the facets, and the viewer's direction in them.
+    axes: [Vector<F>; 3],
+    wo: Vector<F>,
     /// The factor of what one scattering reflects.
-    pub(crate) returned: Rgb,
+    returned: Vector<F::Narrow>,
 }
 
-impl MetalFacets {
+impl<F: Real64> MetalFacets<F> {
+    /// The facets of metals with these indices and this α, around these axes.
+    #[inline(always)]
+    pub(crate) fn new(
+        eta: Vector<F::Narrow>,
+        k: Vector<F::Narrow>,
+        alpha: F,
+        facing: Vector<F>,
+        axes: [Vector<F>; 3],
+        wo: Vector<F>,
+    ) -> MetalFacets<F> {
+        let [x, y, z] = axes;
+        let same = z.x.equal(facing.x) & z.y.equal(facing.y) & z.z.equal(facing.z);
+        let one = F::Narrow::splat(1.0);
+        MetalFacets {
+            eta,
+            k,
+            ggx: Ggx::isotropic(alpha),
+            facing,
+            bent: !same,
+            axes,
+            wo: Vector { x: x.dot(wo), y: y.dot(wo), z: z.dot(wo) },
+            returned: Vector { x: one, y: one, z: one },
+        }
+    }
+
+    /// The same facets with the [factors](ConductorPoint::returned) that a function gives for each lane and its cosine.
+    #[inline(always)]
+    pub(crate) fn returning(self, of_lane: impl Fn(usize, f64) -> Rgb) -> MetalFacets<F> {
+        let cosines = self.wo.z.to_array();
+        let mut returned = [[0.0; LANES]; 3];
+        for (lane, cos) in cosines[..F::COUNT].iter().enumerate() {
+            for (row, value) in returned.iter_mut().zip(of_lane(lane, *cos).to_array()) {
+                row[lane] = value;
+            }
+        }
+        MetalFacets { returned: Vector::load(&returned), ..self }
+    }
+
     /// The unit direction in the frame of the facets, and the facet that mirrors it, which is 0 where there is none.
     #[inline(always)]
-    fn local(&self, wi: DVec3) -> (DVec3, DVec3) {
-        let wi = self.axes.transpose() * wi;
+    fn local(&self, wi: Vector<F>) -> (Vector<F>, Vector<F>) {
+        let [x, y, z] = self.axes;
+        let wi = Vector { x: x.dot(wi), y: y.dot(wi), z: z.dot(wi) };
         let half = self.wo + wi;
-        let shrink = half.length_recip();
-        let is_facet = (shrink > 0.0) & (shrink < f64::INFINITY);
-        (wi, half * if is_facet { shrink } else { 0.0 })
+        let (zero, shrink) = (F::splat(0.0), F::splat(1.0) / half.length());
+        let is_facet = zero.less(shrink) & shrink.less(F::splat(f64::INFINITY));
+        (wi, half * F::select(is_facet, shrink, zero))
     }
 
+    /// f |cos θ| and the density.
     #[inline(always)]
-    pub(crate) fn eval(&self, wi: DVec3) -> Rgb {
-        let f = self.eval_facets(wi);
-        let (mut r, mut g, mut b) = (f.r, f.g, f.b);
-        if self.may_be_bent {
-            let (f, is_bent) = (self.eval_facets(mirrored_at(self.facing, wi)), self.is_bent());
-            (r, g, b) = (
-                if is_bent { r + f.r } else { r },
-                if is_bent { g + f.g } else { g },
-                if is_bent { b + f.b } else { b },
-            );
+    pub(crate) fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        let (mut f, mut pdf) = self.eval_and_pdf_facets(wi);
+        if self.bent.any() {
+            let (again, again_pdf) = self.eval_and_pdf_facets(mirrored_directions(self.facing, wi));
+            f = Vector::select(self.bent, f + again, f);
+            pdf = F::select(self.bent, pdf + again_pdf, pdf);
         }
-        let is_above = wi.dot(self.facing) > 0.0;
-        Rgb { r: if is_above { r } else { 0.0 }, g: if is_above { g } else { 0.0 }, b: if is_above { b } else { 0.0 } }
+        let (zero, black) = (F::splat(0.0), F::Narrow::splat(0.0));
+        let is_above = zero.less(wi.dot(self.facing));
+        (Vector::select(is_above, f, Vector { x: black, y: black, z: black }), F::select(is_above, pdf, zero))
     }
 
-    /// Whether the facets' own normal isn't the geometric one.
+    /// What facets send in a direction on either side of the geometric surface, and the density there.
     #[inline(always)]
-    fn is_bent(&self) -> bool {
-        let (own, facing) = (self.axes.z_axis, self.facing);
-        (own.x != facing.x) | (own.y != facing.y) | (own.z != facing.z)
-    }
-
-    /// What facets send in a direction on either side of the geometric surface.
-    #[inline(always)]
-    fn eval_facets(&self, wi: DVec3) -> Rgb {
+    fn eval_and_pdf_facets(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
         let (wi, m) = self.local(wi);
         // F D G₂ / (4 wo·n)
-        let facets = self.ggx.d(m) * self.ggx.g2(self.wo, wi) / (4.0 * self.wo.z);
-        let is_lit = (wi.z > 0.0) & (m.z > 0.0);
-        let f = fresnel_conductor(self.wo.dot(m), self.eta, self.k) * facets as f32 * self.returned;
-        Rgb { r: if is_lit { f.r } else { 0.0 }, g: if is_lit { f.g } else { 0.0 }, b: if is_lit { f.b } else { 0.0 } }
+        let facets = self.ggx.d(m) * self.ggx.g2(self.wo, wi) / (self.wo.z * 4.0);
+        let (zero, black) = (F::splat(0.0), F::Narrow::splat(0.0));
+        let is_lit = zero.less(wi.z) & zero.less(m.z);
+        let f = fresnel_conductors(self.wo.dot(m), self.eta, self.k) * facets.narrow();
+        let f = Vector::select(is_lit, f.times(self.returned), Vector { x: black, y: black, z: black });
+        (f, F::select(is_lit, self.ggx.mirrored_pdf(self.wo, m), zero))
     }
 
+    /// The unit direction at `u` of the unit square, which a facet mirrors.
     #[inline(always)]
-    pub(crate) fn pdf(&self, wi: DVec3) -> f64 {
-        let mut pdf = self.pdf_facets(wi);
-        if self.may_be_bent {
-            let mirrored = self.pdf_facets(mirrored_at(self.facing, wi));
-            pdf = if self.is_bent() { pdf + mirrored } else { pdf };
-        }
-        if wi.dot(self.facing) > 0.0 { pdf } else { 0.0 }
-    }
-
-    /// The density of the directions that facets send light to, on either side of the geometric surface.
-    #[inline(always)]
-    fn pdf_facets(&self, wi: DVec3) -> f64 {
-        let (wi, m) = self.local(wi);
-        let pdf = self.ggx.mirrored_pdf(self.wo, m);
-        if (wi.z > 0.0) & (m.z > 0.0) { pdf } else { 0.0 }
-    }
-
-    /// The unit direction that a facet of the cap mirrors. The facet is at this point of the circle around the cap's
-    /// axis, and below `u` of its area.
-    #[inline(always)]
-    pub(crate) fn direction(&self, circle: DVec2, u: f64) -> DVec3 {
-        let local = reflect(self.wo, self.ggx.mirroring_at(self.wo, circle, u));
-        let wi = (self.axes * local).normalize();
-        let is_through = (local.z > 0.0) & (wi.dot(self.facing) < 0.0) & self.is_bent();
-        select(is_through, mirrored_at(self.facing, wi), wi)
+    pub(crate) fn direction(&self, u: [F; 2]) -> Vector<F> {
+        let m = self.ggx.sample_mirroring(self.wo, u);
+        let local = m * (self.wo.dot(m) * 2.0) - self.wo;
+        let [x, y, z] = self.axes;
+        let wi = (x * local.x + y * local.y + z * local.z).normalized();
+        let zero = F::splat(0.0);
+        let is_through = zero.less(local.z) & wi.dot(self.facing).less(zero) & self.bent;
+        Vector::select(is_through, mirrored_directions(self.facing, wi), wi)
     }
 }
 
@@ -251,12 +260,11 @@ impl SeenConductor {
         SeenConductor { bsdf, wo, facets: (!bsdf.is_delta()).then(|| bsdf.facets(wo)) }
     }
 
-    pub(super) fn eval(&self, wi: DVec3) -> Rgb {
-        self.facets.as_ref().map_or(Rgb::BLACK, |facets| facets.eval(wi))
-    }
-
-    pub(super) fn pdf(&self, wi: DVec3) -> f64 {
-        self.facets.as_ref().map_or(0.0, |facets| facets.pdf(wi))
+    /// f |cos θ| and the density.
+    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        let Some(facets) = &self.facets else { return (Rgb::BLACK, 0.0) };
+        let (f, pdf) = facets.eval_and_pdf(wi.into());
+        (f.into(), pdf)
     }
 
     pub(super) fn sample(&self, u: [f64; 2]) -> Option<BsdfSample> {
@@ -270,9 +278,9 @@ impl SeenConductor {
             let f = fresnel_conductor(wo.dot(normal), point.eta, point.k);
             return Some(BsdfSample { wi, f, pdf: 1.0, lobe, is_delta: true });
         };
-        let wi = facets.direction(on_circle(u[0]), u[1]);
-        let pdf = facets.pdf(wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, f: facets.eval(wi), pdf, lobe, is_delta: false })
+        let wi = facets.direction(u);
+        let (f, pdf) = facets.eval_and_pdf(wi);
+        (pdf > 0.0).then(|| BsdfSample { wi: wi.into(), f: f.into(), pdf, lobe, is_delta: false })
     }
 }
 

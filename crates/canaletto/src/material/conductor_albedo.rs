@@ -44,7 +44,7 @@ fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32, weight: &dyn Fn(f64) -> f64)
     for i in 0..points {
         // Both halves of the facets are mirror images. Few facets lean far, so that number has the finer steps.
         let u = [0.5 * (f64::from(i) * 0.618_033_988_749_894_9).fract(), (f64::from(i) + 0.5) / f64::from(points)];
-        let m = ggx.sample_visible(wo, u);
+        let m = DVec3::from(ggx.sample_visible(wo, u));
         let wi = reflect(wo, m);
         if wi.z > 0.0 {
             sum += ggx.shadowing(wo, wi) * weight(wo.dot(m).clamp(0.0, 1.0));

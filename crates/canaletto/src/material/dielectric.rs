@@ -208,7 +208,7 @@ impl SeenDielectric {
             let z = if is_mirrored { cos } else { -cos };
             (is_mirrored, (on_circle(u[0]) * (1.0 - cos * cos).max(0.0).sqrt()).extend(z))
         } else {
-            let m = ggx.sample_visible(*o, u);
+            let m = DVec3::from(ggx.sample_visible(*o, u));
             let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
             (is_mirrored, if is_mirrored { reflect(*o, m) } else { refract(*o, m, ratio)? })
         };

@@ -146,7 +146,7 @@ pub(super) fn kept(wo: DVec3, eta_ratio: f64, ggx: &Ggx, facets: &[(DVec2, f64)]
     let squeezed = ggx.squeezed(wo);
     let mut sum = Kept::default();
     for (circle, u) in facets {
-        let m = ggx.on_cap(squeezed, squeezed.z, *circle, *u);
+        let m = DVec3::from(ggx.on_cap(squeezed, squeezed.z, (*circle).into(), *u));
         let cos_m = wo.dot(m);
         let share = fresnel_dielectric(cos_m, eta_ratio);
         let mirrored = m * (2.0 * cos_m) - wo;

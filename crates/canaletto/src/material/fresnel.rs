@@ -1,6 +1,7 @@
 //! Fresnel's equations for unpolarised light: the share of light that a smooth boundary mirrors.
 
-use crate::math::{Rgb, larger, smaller};
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::{Real32, Real64};
 
 /// The share that the boundary of two clear media mirrors. `cos` ≥ 0 is the cosine of the angle of incidence, and
 /// `eta_ratio` is ηᵢ/ηₜ. It is 1 beyond the critical angle.
@@ -16,26 +17,35 @@ pub fn fresnel_dielectric(cos: f64, eta_ratio: f64) -> f64 {
 }
 
 /// The share that a metal with the complex index η + ik mirrors in air.
-#[inline(always)]
 pub fn fresnel_conductor(cos: f64, eta: Rgb, k: Rgb) -> Rgb {
-    let cos = smaller(larger(cos, 0.0), 1.0);
-    let (r, g, b) = (conductor(cos, eta.r, k.r), conductor(cos, eta.g, k.g), conductor(cos, eta.b, k.b));
-    Rgb { r, g, b }
+    fresnel_conductors::<f64>(cos, eta.into(), k.into()).into()
+}
+
+/// [`fresnel_conductor`] in each lane.
+#[inline(always)]
+pub(crate) fn fresnel_conductors<F: Real64>(cos: F, eta: Vector<F::Narrow>, k: Vector<F::Narrow>) -> Vector<F::Narrow> {
+    let cos = cos.max(F::splat(0.0)).min(F::splat(1.0));
+    Vector { x: conductor(cos, eta.x, k.x), y: conductor(cos, eta.y, k.y), z: conductor(cos, eta.z, k.z) }
 }
 
 /// One component. a² + b² is the squared length of √(η² − k² − sin² θ + 2iηk).
 #[inline(always)]
-fn conductor(cos: f64, eta: f32, k: f32) -> f32 {
-    let (eta, k) = (f64::from(eta), f64::from(k));
-    let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
+fn conductor<F: Real64>(cos: F, eta: F::Narrow, k: F::Narrow) -> F::Narrow {
+    let (eta, k, zero) = (eta.widen(), k.widen(), F::splat(0.0));
+    let (cos2, sin2) = (cos * cos, F::splat(1.0) - cos * cos);
     let real = eta * eta - k * k - sin2;
-    let length = (real * real + 4.0 * eta * eta * k * k).sqrt();
-    let a = larger(0.5 * (length + real), 0.0).sqrt();
-    // Without absorption and with η 1, differences of equal numbers are rounded below 0, and sums may be 0.
-    let share = |sum: f64, less: f64| larger(sum - less, 0.0) / larger(sum + less, f64::MIN_POSITIVE);
-    let perpendicular = share(length + cos2, 2.0 * a * cos);
-    let parallel = perpendicular * share(cos2 * length + sin2 * sin2, 2.0 * a * cos * sin2);
-    (0.5 * (perpendicular + parallel)) as f32
+    let length = (real * real + eta * 4.0 * eta * k * k).sqrt();
+    let a = ((length + real) * 0.5).max(zero).sqrt();
+    let perpendicular = share(length + cos2, a * 2.0 * cos);
+    let parallel = perpendicular * share(cos2 * length + sin2 * sin2, a * 2.0 * cos * sin2);
+    ((perpendicular + parallel) * 0.5).narrow()
+}
+
+/// (sum − less) / (sum + less). Without absorption and with η 1, differences of equal numbers are rounded below 0, and
+/// sums may be 0.
+#[inline(always)]
+fn share<F: Real64>(sum: F, less: F) -> F {
+    (sum - less).max(F::splat(0.0)) / (sum + less).max(F::splat(f64::MIN_POSITIVE))
 }
 
 #[cfg(test)]

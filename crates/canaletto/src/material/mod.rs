@@ -27,7 +27,7 @@ mod tests;
 mod texture_use;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
-pub(crate) use bsdf::{SeenBsdf, SpecularTransmission};
+pub(crate) use bsdf::{SeenBsdf, SpecularTransmission, isotropic_axes};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub(crate) use conductor::{ConductorPoint, MetalFacets};
@@ -35,7 +35,6 @@ pub use dielectric::{Dielectric, DielectricBsdf};
 pub use diffuse_bsdf::DiffuseBsdf;
 pub(crate) use diffuse_bsdf::{diffuse_direction, diffuse_pdf, diffuse_share};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
-pub(crate) use ggx::{Ggx, on_circle};
 pub use mapping::{Mapping, Place, Projection, Repeat, Space, TexCoord, TexCoords};
 pub use medium::{HenyeyGreenstein, Medium, MediumSample};
 pub use microfacet::{ggx_vndf_pdf, reflect_into_hemisphere, sample_ggx_vndf};

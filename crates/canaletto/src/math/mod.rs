@@ -27,13 +27,3 @@ pub use rgb::Rgb;
 pub(crate) use rgb::{saturate, saturated};
 pub use transform::{NotInvertible, Transform};
 pub(crate) use vector::{Affine, Vector};
-
-/// One of two vectors, by its components, so that the compiler vectorises loops over it.
-#[inline(always)]
-pub(crate) fn select(is_first: bool, first: glam::DVec3, second: glam::DVec3) -> glam::DVec3 {
-    glam::DVec3 {
-        x: if is_first { first.x } else { second.x },
-        y: if is_first { first.y } else { second.y },
-        z: if is_first { first.z } else { second.z },
-    }
-}

@@ -84,6 +84,15 @@ impl<F: Real> Vector<F> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
+    #[inline(always)]
+    pub(crate) fn cross(self, other: Self) -> Self {
+        Vector {
+            x: self.y * other.z - other.y * self.z,
+            y: self.z * other.x - other.z * self.x,
+            z: self.x * other.y - other.x * self.y,
+        }
+    }
+
     /// The products of the components: ⊗ of colours.
     #[inline(always)]
     pub(crate) fn times(self, other: Self) -> Self {
@@ -231,11 +240,13 @@ mod tests {
             assert_eq!(DVec3::from(p - q), a - b);
             assert_eq!(DVec3::from(-p * 0.3), -a * 0.3);
             assert_eq!(p.dot(q), a.dot(b));
+            assert_eq!(DVec3::from(p.cross(q)), a.cross(b));
             assert_eq!((p.length(), p.length_squared()), (a.length(), a.length_squared()));
             let unit = a.normalize();
             assert_eq!(DVec3::from(p.normalized()), unit);
             let [x, y] = Vector::from(unit).orthonormal_pair();
             assert_eq!((DVec3::from(x), DVec3::from(y)), unit.any_orthonormal_pair());
+            assert_eq!(DVec3::from(y), unit.any_orthonormal_vector());
             assert_eq!(Vec3::from(p.narrow()), a.as_vec3());
             assert_eq!(DVec3::from(p.narrow().widen()), a.as_vec3().as_dvec3());
             let map = DAffine3::from_mat3_translation(DMat3::from_cols(b, a.cross(b), a), unit);

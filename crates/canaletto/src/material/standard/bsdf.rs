@@ -511,17 +511,17 @@ impl SeenStandard {
             Layer::Fuzz => (Lobe::Diffuse, layers.fuzz?.sample(u)),
             Layer::Diffuse => (Lobe::Diffuse, bsdf.sample_diffuse(u)),
             Layer::Translucent => (Lobe::Diffuse, -warp::cosine_hemisphere(u)),
-            Layer::Coat => (Lobe::Mirror, reflect(o, bsdf.coat_ggx().sample_mirroring(o, u))),
+            Layer::Coat => (Lobe::Mirror, reflect(o, bsdf.coat_ggx().sample_mirroring(o, u).into())),
             Layer::Straight => return None,
             Layer::Facets if bsdf.refracts() => {
-                let m = bsdf.ggx().sample_visible(o, u);
+                let m = DVec3::from(bsdf.ggx().sample_visible(o, u));
                 match mirrors(o.dot(m)) {
                     true => (Lobe::Mirror, reflect(o, m)),
                     false => (Lobe::Refraction, refract(o, m, bsdf.eta_ratio)?),
                 }
             }
             Layer::Facets => {
-                let m = bsdf.ggx().sample_mirroring(o, u);
+                let m = DVec3::from(bsdf.ggx().sample_mirroring(o, u));
                 let mirrored = reflect(o, m);
                 match mirrors(o.dot(m)) {
                     true => (Lobe::Mirror, mirrored),

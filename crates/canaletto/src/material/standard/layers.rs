@@ -205,7 +205,7 @@ impl StandardBsdf {
         let squeezed = ggx.squeezed(wo);
         let mut sum = Rgb::BLACK;
         for (circle, u) in FILM_FACETS.iter() {
-            let m = ggx.on_cap(squeezed, squeezed.z, *circle, *u);
+            let m = DVec3::from(ggx.on_cap(squeezed, squeezed.z, (*circle).into(), *u));
             let cos = wo.dot(m);
             let mirrored = reflect(wo, m);
             if mirrored.z > 0.0 {

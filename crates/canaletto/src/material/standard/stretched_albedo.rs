@@ -70,7 +70,8 @@ fn albedos(wo: DVec3, eta_ratio: f64, ggx: &Ggx) -> Albedos {
 /// The mean of G₂ / G₁ over the facets that are seen.
 fn lit(wo: DVec3, ggx: &Ggx, facets: &[(DVec2, f64)]) -> f64 {
     let squeezed = ggx.squeezed(wo);
-    let mirrored = |(circle, u): &(DVec2, f64)| reflect(wo, ggx.on_cap(squeezed, squeezed.z, *circle, *u));
+    let mirrored =
+        |(circle, u): &(DVec2, f64)| reflect(wo, ggx.on_cap(squeezed, squeezed.z, (*circle).into(), *u).into());
     let lit = facets.iter().map(mirrored).filter(|wi| wi.z > 0.0).map(|wi| ggx.shadowing(wo, wi));
     lit.sum::<f64>() / facets.len() as f64
 }

@@ -8,14 +8,12 @@ use crate::integrator::path::guiding::{GuidedVertex, GuidingField, pdf_of_both};
 use crate::integrator::path::light_tree::Receiver;
 use crate::integrator::path::source_points::SourcePoints;
 use crate::material::{
-    BsdfSample, ConductorPoint, Ggx, Lobe, MetalFacets, ScatteringFrame, diffuse_direction, diffuse_pdf, diffuse_share,
-    on_circle,
+    BsdfSample, ConductorPoint, Lobe, MetalFacets, diffuse_direction, diffuse_pdf, diffuse_share, isotropic_axes,
 };
 use crate::math::Vector;
 use crate::shape::{DVec3x8, Vec3x8, dvec3, set_bits, set_dvec3, set_vec3};
 use canaletto_bvh::lanes::{LaneKernel, Real64, run_lanes};
-use canaletto_bvh::{InstructionSet, Kernel};
-use glam::{DMat3, DVec2, DVec3};
+use glam::DVec3;
 
 /// The materials of eight vertices of one kind.
 pub(super) trait Materials8: Default {
@@ -263,44 +261,10 @@ pub(in super::super) struct Metals {
     pub(super) points: [ConductorPoint; LANES],
 }
 
-/// The facets of eight rough metals.
+/// Eight vertices of rough metals.
 pub(super) struct MetalLobes<'a> {
-    eta: Vec3x8,
-    k: Vec3x8,
-    alpha: [f64; LANES],
-    /// The factors of what one scattering reflects.
-    returned: Vec3x8,
-    facing: &'a DVec3x8,
-    /// Whether the normal of any facets may be another one than the geometric one.
-    may_be_bent: bool,
-    /// The axes of the facets, and the viewers' directions in them.
-    axes: [DVec3x8; 3],
-    wo: DVec3x8,
-    /// The points of the unit circle for the directions, and the other random number for them.
-    circle: [[f64; LANES]; 2],
-    u: &'a [f64; LANES],
-}
-
-/// Finds the axes of facets, and the viewers' directions in them.
-struct FindAxes<'a>(&'a Arrived);
-
-impl Kernel for FindAxes<'_> {
-    type Answer = ([DVec3x8; 3], DVec3x8);
-
-    #[inline(always)]
-    fn run(self) -> Self::Answer {
-        let Arrived { wo, normal, facing, .. } = self.0;
-        let [mut x, mut y, mut z, mut local] = [[[0.0; LANES]; 3]; 4];
-        for i in 0..LANES {
-            let wo = dvec3(wo, i);
-            let axes = ScatteringFrame::isotropic_facet_axes(dvec3(normal, i), dvec3(facing, i), wo);
-            set_dvec3(&mut x, i, axes.x_axis);
-            set_dvec3(&mut y, i, axes.y_axis);
-            set_dvec3(&mut z, i, axes.z_axis);
-            set_dvec3(&mut local, i, axes.transpose() * wo);
-        }
-        ([x, y, z], local)
-    }
+    points: &'a [ConductorPoint; LANES],
+    arrived: &'a Arrived,
 }
 
 impl Materials8 for Metals {
@@ -309,55 +273,26 @@ impl Materials8 for Metals {
     type Vertices<'a> = OpaqueVertices<'a, MetalLobes<'a>>;
 
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
-        OpaqueVertices::new(self.lobes(arrived), arrived, field, len)
+        OpaqueVertices::new(MetalLobes { points: &self.points, arrived }, arrived, field, len)
     }
 
     fn clear(&mut self) {}
 }
 
-impl Metals {
-    /// The facets as the viewers see them.
-    fn lobes<'a>(&self, arrived: &'a Arrived) -> MetalLobes<'a> {
-        let (axes, wo) = InstructionSet::run(FindAxes(arrived));
-        let [turn, u] = &arrived.u_direction;
-        let [mut eta, mut k, mut returned] = [[[0.0; LANES]; 3]; 3];
-        let (mut alpha, mut circle) = ([0.0; LANES], [[0.0; LANES]; 2]);
+impl MetalLobes<'_> {
+    /// The facets as the viewers see them, without the factors of what they reflect.
+    #[inline(always)]
+    fn facets<F: Real64>(&self) -> MetalFacets<F> {
+        let Arrived { wo, normal, facing, .. } = self.arrived;
+        let (wo, facing) = (Vector::load(wo), Vector::load(facing));
+        let [mut eta, mut k] = [[[0.0; LANES]; 3]; 2];
         for (lane, point) in self.points.iter().enumerate() {
             set_vec3(&mut eta, lane, point.eta.to_array().into());
             set_vec3(&mut k, lane, point.k.to_array().into());
-            set_vec3(&mut returned, lane, point.returned(wo[2][lane]).to_array().into());
-            alpha[lane] = point.alpha;
-            [circle[0][lane], circle[1][lane]] = on_circle(turn[lane]).to_array();
         }
-        MetalLobes {
-            eta,
-            k,
-            alpha,
-            returned,
-            facing: &arrived.facing,
-            may_be_bent: arrived.normal != arrived.facing,
-            axes,
-            wo,
-            circle,
-            u,
-        }
-    }
-}
-
-impl MetalLobes<'_> {
-    #[inline(always)]
-    fn one(&self, lane: usize) -> MetalFacets {
-        let [x, y, z] = &self.axes;
-        MetalFacets {
-            eta: rgb(&self.eta, lane),
-            k: rgb(&self.k, lane),
-            ggx: Ggx::isotropic(self.alpha[lane]),
-            facing: dvec3(self.facing, lane),
-            may_be_bent: self.may_be_bent,
-            axes: DMat3::from_cols(dvec3(x, lane), dvec3(y, lane), dvec3(z, lane)),
-            wo: dvec3(&self.wo, lane),
-            returned: rgb(&self.returned, lane),
-        }
+        let alpha = F::gather(|lane| self.points[lane].alpha);
+        let axes = isotropic_axes(Vector::load(normal), facing, wo);
+        MetalFacets::new(Vector::load(&eta), Vector::load(&k), alpha, facing, axes, wo)
     }
 }
 
@@ -369,11 +304,11 @@ impl Lobes8 for MetalLobes<'_> {
     }
 
     fn evaluate(&self, wi: &DVec3x8) -> Evaluated8 {
-        InstructionSet::run(EvaluateMetals { lobes: self, wi })
+        run_lanes(EvaluateMetals { lobes: self, wi })
     }
 
     fn directions(&self) -> DVec3x8 {
-        InstructionSet::run(MetalDirections(self))
+        run_lanes(MetalDirections(self))
     }
 }
 
@@ -382,36 +317,30 @@ struct EvaluateMetals<'a> {
     wi: &'a DVec3x8,
 }
 
-impl Kernel for EvaluateMetals<'_> {
+impl LaneKernel for EvaluateMetals<'_> {
     type Answer = Evaluated8;
 
     #[inline(always)]
-    fn run(self) -> Evaluated8 {
-        // Each loop writes to arrays of its own, of one type each. The compiler vectorises no other loops.
+    fn run<F: Real64>(self) -> Evaluated8 {
+        let facets = self.lobes.facets::<F>().returning(|lane, cos| self.lobes.points[lane].returned(cos));
+        let (f, pdf) = facets.eval_and_pdf(Vector::load(self.wi));
         let mut evaluated = Evaluated8::NONE;
-        for i in 0..LANES {
-            let f = self.lobes.one(i).eval(dvec3(self.wi, i));
-            set_vec3(&mut evaluated.f, i, f.to_array().into());
-        }
-        for i in 0..LANES {
-            evaluated.pdf[i] = self.lobes.one(i).pdf(dvec3(self.wi, i));
-        }
+        f.store(&mut evaluated.f);
+        pdf.store(&mut evaluated.pdf);
         evaluated
     }
 }
 
 struct MetalDirections<'a>(&'a MetalLobes<'a>);
 
-impl Kernel for MetalDirections<'_> {
+impl LaneKernel for MetalDirections<'_> {
     type Answer = DVec3x8;
 
     #[inline(always)]
-    fn run(self) -> DVec3x8 {
-        let MetalLobes { circle: [x, y], u, .. } = self.0;
+    fn run<F: Real64>(self) -> DVec3x8 {
+        let [u, v] = &self.0.arrived.u_direction;
         let mut wi = [[0.0; LANES]; 3];
-        for i in 0..LANES {
-            set_dvec3(&mut wi, i, self.0.one(i).direction(DVec2::new(x[i], y[i]), u[i]));
-        }
+        self.0.facets::<F>().direction([F::load(u), F::load(v)]).store(&mut wi);
         wi
     }
 }
