@@ -22,7 +22,6 @@ mod pair;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use crate::InstructionSet;
 pub use pair::Pair;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
 
@@ -187,6 +186,7 @@ pub trait LaneKernel {
 pub fn run_lanes<K: LaneKernel>(kernel: K) -> K::Answer {
     #[cfg(target_arch = "x86_64")]
     {
+        use crate::InstructionSet;
         match InstructionSet::current() {
             // SAFETY: `current` never returns more than the machine has.
             InstructionSet::Avx512 => unsafe { x86::avx512(kernel) },

@@ -1,6 +1,7 @@
 //! Each lane of each instruction set has the bits of the single number.
 
 use super::*;
+use crate::InstructionSet;
 use crate::testing::Random;
 
 /// Numbers whose operations are the hard ones: zeros, subnormals, infinities, NaN, and any bits.
