@@ -245,6 +245,11 @@ impl SeenBsdf {
         }
     }
 
+    /// A rough boundary of a clear body.
+    pub(crate) fn rough_boundary(&self) -> Option<&SeenDielectric> {
+        if let SeenBsdf::Dielectric(boundary) = self { boundary.rough().map(|_| boundary) } else { None }
+    }
+
     /// [`Bsdf::sample`].
     pub(crate) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         match self {

@@ -2,13 +2,15 @@
 //! microfacets (Walter et al. 2007). Light that goes from facet to facet is given back on both sides, so that a rough
 //! boundary loses nothing, either. The whole is reciprocal.
 
-use super::bsdf::mirrored_at;
+use super::bsdf::{mirrored_at, mirrored_directions};
 use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
+use super::fresnel::fresnel_dielectrics;
 use super::ggx::{Ggx, on_circle};
 use super::{
     BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
 };
-use crate::math::Rgb;
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::{LANES, LaneKernel, Mask, Real, Real64};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_PI;
@@ -97,7 +99,7 @@ pub(crate) struct SeenDielectric {
 }
 
 /// The facets of a rough boundary as they are seen from one direction.
-struct BoundaryFacets {
+pub(crate) struct BoundaryFacets {
     ggx: Ggx,
     eta_ratio: f64,
     /// The axes of the facets as columns, and the viewer's direction in them.
@@ -110,25 +112,133 @@ struct BoundaryFacets {
     back: GivenBack,
 }
 
-impl BoundaryFacets {
+/// A rough boundary in each lane, as it is seen from one direction.
+struct Boundaries<'a, F: Real64> {
+    albedo: [&'a DielectricAlbedo; LANES],
+    ggx: Ggx<F>,
+    eta_ratio: F,
+    /// The axes of the facets, and the viewer's direction in them.
+    axes: [Vector<F>; 3],
+    wo: Vector<F>,
+    /// The light that one scattering loses, the share of it that is mirrored, and the losses of both sides.
+    lost: F,
+    mirrored: F,
+    losses: [F; 2],
+    /// The geometric normal on the viewer's side, and where it isn't the shading normal.
+    facing: Vector<F>,
+    bent: F::Mask,
+}
+
+impl<'a, F: Real64> Boundaries<'a, F> {
+    /// The boundary that a function gives for each lane, with its facets.
+    #[inline(always)]
+    fn gather(of_lane: impl Fn(usize) -> (&'a DielectricBsdf, &'a BoundaryFacets)) -> Boundaries<'a, F> {
+        let facets = |lane: usize| of_lane(lane).1;
+        let frame = |lane: usize| of_lane(lane).0.frame;
+        let bent = (0..F::COUNT).map(|lane| u32::from(frame(lane).is_bent()) << lane).sum();
+        let mut albedo = [&facets(0).albedo; LANES];
+        for (lane, of) in albedo[..F::COUNT].iter_mut().enumerate() {
+            *of = &facets(lane).albedo;
+        }
+        Boundaries {
+            albedo,
+            ggx: Ggx::isotropic(F::gather(|lane| facets(lane).ggx.alpha[0])),
+            eta_ratio: F::gather(|lane| facets(lane).eta_ratio),
+            axes: [
+                Vector::gather(|lane| facets(lane).axes.x_axis),
+                Vector::gather(|lane| facets(lane).axes.y_axis),
+                Vector::gather(|lane| facets(lane).axes.z_axis),
+            ],
+            wo: Vector::gather(|lane| facets(lane).wo),
+            lost: F::gather(|lane| facets(lane).lost),
+            mirrored: F::gather(|lane| facets(lane).back.mirrored),
+            losses: [F::gather(|lane| facets(lane).back.losses[0]), F::gather(|lane| facets(lane).back.losses[1])],
+            facing: Vector::gather(|lane| frame(lane).facing),
+            bent: F::Mask::from_bits(bent),
+        }
+    }
+
+    /// f |cos θ| and the density, whose costly parts are the same.
+    #[inline(always)]
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (F::Narrow, F) {
+        let one = F::splat(1.0);
+        let above = F::splat(0.0).less(wi.dot(self.facing));
+        let (mut f, mut pdf) = self.of_direction(wi, above);
+        // The direction that is mirrored at the geometric surface leads there, too.
+        if self.bent.any() {
+            let (again, again_pdf) = self.of_direction(mirrored_directions(self.facing, wi), above);
+            f = F::select(self.bent, f + again, f);
+            pdf = F::select(self.bent, pdf + again_pdf, pdf);
+        }
+        // Radiance is squeezed with the solid angle where light enters a denser medium: (ηₒ/ηᵢ)².
+        ((f * F::select(above, one, self.eta_ratio * self.eta_ratio)).narrow(), pdf)
+    }
+
+    /// What facets send to a direction, and the density there, if it is on the right side of them.
+    #[inline(always)]
+    fn of_direction(&self, wi: Vector<F>, above: F::Mask) -> (F, F) {
+        let (zero, one, [x, y, z]) = (F::splat(0.0), F::splat(1.0), self.axes);
+        let i = Vector { x: x.dot(wi), y: y.dot(wi), z: z.dot(wi) };
+        let is_up = zero.less(i.z);
+        let is_right = (is_up & above) | (!is_up & !above);
+        let share = F::select(above, self.mirrored, one - self.mirrored);
+        let loss = F::select(above, self.losses[0], self.losses[1]);
+        let cos = i.z.abs();
+        let (cosines, bits) = (cos.to_array(), (above.bits(), is_right.bits()));
+        let (mut lost, mut lost_pdf) = ([0.0; LANES], [0.0; LANES]);
+        for lane in (0..F::COUNT).filter(|lane| bits.1 >> lane & 1 == 1) {
+            let above = bits.0 >> lane & 1 == 1;
+            lost[lane] = self.albedo[lane].lost(cosines[lane], above);
+            lost_pdf[lane] = self.albedo[lane].lost_pdf(cosines[lane], above);
+        }
+        let density = self.pdf_of_facets(i);
+        let single = density * self.ggx.shadowing(self.wo, i);
+        let again = self.lost * share * F::load(&lost) / loss * cos * FRAC_1_PI;
+        let pdf = density * (one - self.lost) + self.lost * share * F::load(&lost_pdf);
+        (F::select(is_right, single + again, zero), F::select(is_right, pdf, zero))
+    }
+
     /// The density of `wi` over all facets that the viewer sees, each of which mirrors or refracts by Fresnel's share.
     /// The direction is in the frame of the facets.
-    fn pdf(&self, wi: DVec3) -> f64 {
-        let (wo, ratio, above) = (self.wo, self.eta_ratio, wi.z > 0.0);
-        let m = if above { wo + wi } else { wo * ratio + wi };
-        let Some(m) = m.try_normalize() else { return 0.0 };
-        let m = if m.z < 0.0 { -m } else { m };
-        let (o, i) = (wo.dot(m), wi.dot(m));
-        if o <= 0.0 || (i > 0.0) != above {
-            return 0.0;
-        }
-        let (mirrored, visible) = (fresnel_dielectric(o, ratio), self.ggx.visible_pdf(wo, m));
-        if above {
-            mirrored * visible / (4.0 * o)
-        } else {
-            // Walter (17): dω_m / dω_i
-            (1.0 - mirrored) * visible * -i / ((ratio * o + i) * (ratio * o + i))
-        }
+    #[inline(always)]
+    fn pdf_of_facets(&self, wi: Vector<F>) -> F {
+        let (zero, one, ratio) = (F::splat(0.0), F::splat(1.0), self.eta_ratio);
+        let above = zero.less(wi.z);
+        let half = Vector::select(above, self.wo + wi, self.wo * ratio + wi);
+        let shrink = one / half.length();
+        let is_facet = zero.less(shrink) & shrink.less(F::splat(f64::INFINITY));
+        let m = half * shrink;
+        let m = Vector::select(m.z.less(zero), -m, m);
+        let (o, i) = (self.wo.dot(m), wi.dot(m));
+        let is_front = zero.less(i);
+        let is_seen = is_facet & zero.less(o) & ((is_front & above) | (!is_front & !above));
+        let (mirrored, visible) = (fresnel_dielectrics(o, ratio), self.ggx.visible_pdf(self.wo, m));
+        let reflected = mirrored * visible / (o * 4.0);
+        // Walter (17): dω_m / dω_i
+        let across = ratio * o + i;
+        let refracted = (one - mirrored) * visible * -i / (across * across);
+        F::select(is_seen, F::select(above, reflected, refracted), zero)
+    }
+}
+
+/// f |cos θ| and the densities of eight directions at eight rough boundaries.
+pub(crate) struct EvaluateBoundaries<'a> {
+    pub(crate) boundaries: [&'a SeenDielectric; LANES],
+    pub(crate) wi: &'a [[f64; LANES]; 3],
+}
+
+impl LaneKernel for EvaluateBoundaries<'_> {
+    type Answer = ([f32; LANES], [f64; LANES]);
+
+    #[inline(always)]
+    fn run<F: Real64>(self) -> Self::Answer {
+        let EvaluateBoundaries { boundaries, wi } = self;
+        let Some(any) = boundaries.iter().find_map(|boundary| boundary.rough()) else {
+            return ([0.0; LANES], [0.0; LANES]);
+        };
+        let lanes = Boundaries::<F>::gather(|lane| boundaries[lane].rough().unwrap_or(any));
+        let (f, pdf) = lanes.eval_and_pdf(Vector::load(wi));
+        (f.to_array(), pdf.to_array())
     }
 }
 
@@ -162,44 +272,37 @@ impl SeenDielectric {
         SpecularTransmission { share: Rgb::gray(passed as f32), is_straight }
     }
 
-    /// f |cos θ| and the density, whose costly parts are the same.
-    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
-        let Some(facets) = &self.facets else { return (Rgb::BLACK, 0.0) };
-        let above = wi.dot(self.bsdf.frame.facing) > 0.0;
-        let BoundaryFacets { albedo, lost, back, .. } = facets;
-        let (share, loss) = if above { (back.mirrored, back.losses[0]) } else { (1.0 - back.mirrored, back.losses[1]) };
-        let [f, pdf] = self.both(facets, wi, |i| {
-            let density = facets.pdf(i);
-            let single = density * facets.ggx.shadowing(facets.wo, i);
-            let again = lost * share * albedo.lost(i.z.abs(), above) / loss * i.z.abs() * FRAC_1_PI;
-            [single + again, density * (1.0 - lost) + lost * share * albedo.lost_pdf(i.z.abs(), above)]
-        });
-        (Rgb::gray((f * self.bsdf.radiance_scale(above)) as f32), pdf)
+    /// A rough boundary with its facets.
+    #[inline]
+    pub(crate) fn rough(&self) -> Option<(&DielectricBsdf, &BoundaryFacets)> {
+        Some((&self.bsdf, self.facets.as_ref()?))
     }
 
-    /// The sum of a function over the directions of the facets' own frame that lead to a direction: itself, and the one
-    /// that is mirrored at the geometric surface.
-    fn both(&self, facets: &BoundaryFacets, wi: DVec3, of: impl Fn(DVec3) -> [f64; 2]) -> [f64; 2] {
-        let facing = self.bsdf.frame.facing;
-        let above = wi.dot(facing) > 0.0;
-        let one = |wi: DVec3| {
-            let i = facets.axes.transpose() * wi;
-            if (i.z > 0.0) == above { of(i) } else { [0.0; 2] }
-        };
-        let [f, pdf] = one(wi);
-        if self.bsdf.frame.is_bent() {
-            let mirrored = one(mirrored_at(facing, wi));
-            return [f + mirrored[0], pdf + mirrored[1]];
-        }
-        [f, pdf]
+    /// f |cos θ| and the density.
+    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        let Some(rough) = self.rough() else { return (Rgb::BLACK, 0.0) };
+        let (f, pdf) = Boundaries::<f64>::gather(|_| rough).eval_and_pdf(wi.into());
+        (Rgb::gray(f), pdf)
     }
 
     pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let (wo, ratio) = (self.wo, self.bsdf.frame.eta_ratio);
+        let wo = self.wo;
         if self.is_index_matched() {
             return Some(BsdfSample { wi: -wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
         }
         let Some(facets) = &self.facets else { return self.bsdf.smooth(wo, u_lobe) };
+        let (wi, lobe) = self.direction(facets, u_lobe, u)?;
+        let (f, pdf) = self.eval_and_pdf(wi);
+        (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
+    }
+
+    /// The direction at a rough boundary that the numbers choose, and its lobe.
+    pub(crate) fn rough_direction(&self, u_lobe: f64, u: [f64; 2]) -> Option<(DVec3, Lobe)> {
+        self.direction(self.facets.as_ref()?, u_lobe, u)
+    }
+
+    fn direction(&self, facets: &BoundaryFacets, u_lobe: f64, u: [f64; 2]) -> Option<(DVec3, Lobe)> {
+        let ratio = self.bsdf.frame.eta_ratio;
         let BoundaryFacets { ggx, wo: o, albedo, lost, back, .. } = facets;
         // The lobe of lost light, or a facet.
         let (is_mirrored, i) = if u_lobe < *lost {
@@ -217,9 +320,7 @@ impl SeenDielectric {
         }
         let (wi, facing) = ((facets.axes * i).normalize(), self.bsdf.frame.facing);
         let wi = if (wi.dot(facing) > 0.0) == is_mirrored { wi } else { mirrored_at(facing, wi) };
-        let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
-        let (f, pdf) = self.eval_and_pdf(wi);
-        (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
+        Some((wi, if is_mirrored { Lobe::Mirror } else { Lobe::Refraction }))
     }
 }
 

@@ -6,14 +6,19 @@ use canaletto_bvh::lanes::{Real32, Real64};
 /// The share that the boundary of two clear media mirrors. `cos` ≥ 0 is the cosine of the angle of incidence, and
 /// `eta_ratio` is ηᵢ/ηₜ. It is 1 beyond the critical angle.
 pub fn fresnel_dielectric(cos: f64, eta_ratio: f64) -> f64 {
-    let sin2 = eta_ratio * eta_ratio * (1.0 - cos * cos).max(0.0);
-    if sin2 >= 1.0 {
-        return 1.0;
-    }
-    let transmitted = (1.0 - sin2).sqrt();
+    fresnel_dielectrics(cos, eta_ratio)
+}
+
+/// [`fresnel_dielectric`] in each lane.
+#[inline(always)]
+pub(crate) fn fresnel_dielectrics<F: Real64>(cos: F, eta_ratio: F) -> F {
+    let one = F::splat(1.0);
+    let sin2 = eta_ratio * eta_ratio * (one - cos * cos).max(F::splat(0.0));
+    let transmitted = (one - sin2).sqrt();
     let parallel = (cos - eta_ratio * transmitted) / (cos + eta_ratio * transmitted);
     let perpendicular = (eta_ratio * cos - transmitted) / (eta_ratio * cos + transmitted);
-    0.5 * (parallel * parallel + perpendicular * perpendicular)
+    let share = (parallel * parallel + perpendicular * perpendicular) * 0.5;
+    F::select(one.at_most(sin2), one, share)
 }
 
 /// The share that a metal with the complex index η + ik mirrors in air.

@@ -32,6 +32,7 @@ pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub(crate) use conductor::{ConductorPoint, MetalFacets};
 pub use dielectric::{Dielectric, DielectricBsdf};
+pub(crate) use dielectric::{EvaluateBoundaries, SeenDielectric};
 pub use diffuse_bsdf::DiffuseBsdf;
 pub(crate) use diffuse_bsdf::{diffuse_direction, diffuse_pdf, diffuse_share};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};

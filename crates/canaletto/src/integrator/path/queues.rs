@@ -109,6 +109,8 @@ fn diffuse_color(point: &MaterialPoint) -> Option<Rgb> {
 pub(super) struct VertexQueues {
     diffuse: Queue<Diffuse>,
     metals: Queue<Metals>,
+    /// Rough boundaries of clear bodies, and all others.
+    boundaries: Queue<AnySurfaces>,
     others: Queue<AnySurfaces>,
 }
 
@@ -211,7 +213,8 @@ impl PathTracer<'_> {
         shadows: &mut Vec<PathShadow>,
         end: impl FnMut(u32),
     ) {
-        let queue = &mut queues.others;
+        let is_boundary = vertex.bsdf.rough_boundary().is_some();
+        let queue = if is_boundary { &mut queues.boundaries } else { &mut queues.others };
         let lane = queue.len;
         queue.len += 1;
         queue.paths[lane] = number;
@@ -238,6 +241,7 @@ impl PathTracer<'_> {
     ) {
         self.scatter_eight(&mut queues.diffuse, paths, shadows, &mut end);
         self.scatter_eight(&mut queues.metals, paths, shadows, &mut end);
+        self.scatter_eight(&mut queues.boundaries, paths, shadows, &mut end);
         self.scatter_eight(&mut queues.others, paths, shadows, &mut end);
     }
 

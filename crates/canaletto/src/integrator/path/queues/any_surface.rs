@@ -1,4 +1,5 @@
-//! Vertices of any kind of surface, whose scattering is evaluated one by one.
+//! Vertices of any kind of surface. The scattering of rough boundaries of clear bodies, which have a queue of their
+//! own, is evaluated in lanes; that of others one by one.
 
 use super::kernels::Arrived;
 use super::scattering::{Evaluated8, Materials8, Sampled8, Scattering8};
@@ -7,8 +8,9 @@ use crate::integrator::path::guiding::GuidingField;
 use crate::integrator::path::light_tree::Receiver;
 use crate::integrator::path::source_points::SourcePoints;
 use crate::integrator::path::vertex::{SurfaceVertex, Vertex};
-use crate::material::BsdfSample;
+use crate::material::{BsdfSample, EvaluateBoundaries, SeenDielectric};
 use crate::shape::{dvec3, set_bits, set_dvec3, set_vec3};
+use canaletto_bvh::lanes::{LANES, run_lanes};
 use glam::DVec3;
 
 /// Up to eight vertices.
@@ -25,6 +27,8 @@ impl AnySurfaces {
 pub(super) struct AnyVertices<'a> {
     vertices: &'a [SurfaceVertex],
     arrived: &'a Arrived,
+    /// The boundaries, if all vertices are those of rough ones and no field guides them.
+    boundaries: Option<[&'a SeenDielectric; LANES]>,
 }
 
 impl Materials8 for AnySurfaces {
@@ -32,8 +36,15 @@ impl Materials8 for AnySurfaces {
 
     type Vertices<'a> = AnyVertices<'a>;
 
-    fn vertices<'a>(&'a self, arrived: &'a Arrived, _: Option<&GuidingField>, _: usize) -> AnyVertices<'a> {
-        AnyVertices { vertices: &self.0, arrived }
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, _: usize) -> AnyVertices<'a> {
+        let boundary = |lane: usize| self.0.get(lane).or(self.0.first())?.bsdf.rough_boundary();
+        let mut boundaries = None;
+        if let Some(first) = boundary(0).filter(|_| field.is_none()) {
+            let mut all = [first; LANES];
+            let known = (0..LANES).all(|lane| boundary(lane).map(|boundary| all[lane] = boundary).is_some());
+            boundaries = known.then_some(all);
+        }
+        AnyVertices { vertices: &self.0, arrived, boundaries }
     }
 
     fn clear(&mut self) {
@@ -52,10 +63,16 @@ impl Scattering8 for AnyVertices<'_> {
 
     fn evaluate(&self, points: &SourcePoints) -> Evaluated8 {
         let mut evaluated = Evaluated8::NONE;
+        if let Some(boundaries) = self.boundaries {
+            let (f, pdf) = run_lanes(EvaluateBoundaries { boundaries, wi: &points.wi });
+            evaluated.f = [f; 3];
+            // Rays don't find lights, so their densities aren't asked for.
+            set_bits(points.found).for_each(|lane| evaluated.pdf[lane] = pdf[lane]);
+            return evaluated;
+        }
         for lane in set_bits(points.lit) {
             let (vertex, wi) = (&self.vertices[lane], dvec3(&points.wi, lane));
             let is_set = |bits: u32| bits >> lane & 1 == 1;
-            // Rays don't find lights, so their densities aren't asked for.
             let (f, pdf) = match is_set(points.found) {
                 true => vertex.eval_and_pdf(wi),
                 false if is_set(points.point_lights) => (vertex.bsdf.eval_point_light(wi), 1.0),
@@ -70,6 +87,20 @@ impl Scattering8 for AnyVertices<'_> {
     fn sample(&self) -> Sampled8 {
         let mut sampled = Sampled8::NONE;
         let [u, v] = &self.arrived.u_direction;
+        if let Some(boundaries) = self.boundaries {
+            let mut chosen = 0;
+            for lane in 0..self.vertices.len() {
+                let direction = boundaries[lane].rough_direction(self.arrived.u_lobe[lane], [u[lane], v[lane]]);
+                let Some((wi, lobe)) = direction else { continue };
+                set_dvec3(&mut sampled.wi, lane, wi);
+                sampled.lobes[lane] = lobe;
+                chosen |= 1 << lane;
+            }
+            let (f, pdf) = run_lanes(EvaluateBoundaries { boundaries, wi: &sampled.wi });
+            (sampled.f, sampled.pdf) = ([f; 3], pdf);
+            sampled.valid = set_bits(chosen).filter(|lane| pdf[*lane] > 0.0).map(|lane| 1 << lane).sum();
+            return sampled;
+        }
         for (lane, vertex) in self.vertices.iter().enumerate() {
             let Some((sample, guiding)) = vertex.sample(self.arrived.u_lobe[lane], [u[lane], v[lane]]) else {
                 continue;
