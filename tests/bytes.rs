@@ -164,7 +164,8 @@ integrator "path"
 environment "gradient" { stops -90 0.1 0.1 0.1  0 0.9 0.8 0.7  90 0.2 0.4 0.9 }
 texture "checks" kind="checker" { even 0.8 0.7 0.2; odd 0.2 0.1 0.1 }
 texture "waves" kind="fbm" { octaves 3; stops 0 0 0 0  1 1 1 1 }
-material "plastic" { standard { base { color 0.8 0.2 0.1 }; specular { roughness 0.2 }; coat { weight 0.5; roughness 0.1 } }
+material "plastic" {
+    standard { base { color 0.8 0.2 0.1 }; specular { roughness 0.2 }; coat { weight 0.5; roughness 0.1 } }
     texture "checks" mapping="spherical" repeat=6
 }
 material "bumpy" { standard { base { color 0.4 0.5 0.6; metalness 1 }; specular { roughness 0.4 } }

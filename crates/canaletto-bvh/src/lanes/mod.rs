@@ -42,6 +42,12 @@ pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output
     /// A bit for each true lane, the first lane in the lowest bit.
     fn bits(self) -> u32;
 
+    /// The mask that a function gives for each lane.
+    #[inline(always)]
+    fn gather(of_lane: impl Fn(usize) -> bool) -> Self {
+        Self::from_bits((0..Self::COUNT).map(|lane| u32::from(of_lane(lane as usize)) << lane).sum())
+    }
+
     /// Whether any lane is true.
     #[inline(always)]
     fn any(self) -> bool {

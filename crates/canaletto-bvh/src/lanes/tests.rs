@@ -28,6 +28,7 @@ fn bits32<F: Real<Scalar = f32>>(all: &mut Vec<[u64; LANES]>, value: F) {
 fn mask<M: Mask>(all: &mut Vec<[u64; LANES]>, mask: M) {
     assert_eq!(M::from_bits(mask.bits()).bits(), mask.bits());
     assert_eq!(mask.any(), mask.bits() != 0);
+    assert_eq!(M::gather(|lane| mask.bits() >> lane & 1 == 1).bits(), mask.bits());
     all.push(std::array::from_fn(|lane| u64::from(mask.bits() >> lane & 1)));
 }
 

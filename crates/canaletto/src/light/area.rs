@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 pub(super) fn seen(surface: &SurfaceSampler, u: [f64; 2], p: DVec3) -> Option<(DVec3, f64)> {
     if surface.is_sphere() {
         // Directions are uniform over a cone of the solid angle 2π (1 − cos θ).
-        return surface.cone_point(p, u).map(|(point, _, versine)| (point, 2.0 * versine));
+        return surface.cone_point(p, u).map(|(point, versine)| (point, 2.0 * versine));
     }
     let (point, normal) = surface.point(u);
     let to_p = p - point;

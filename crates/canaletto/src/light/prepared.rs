@@ -5,6 +5,7 @@ use super::ies_profile::PreparedProfile;
 use super::{Emission, Light, LightKind, surface_light};
 use crate::math::Rgb;
 use crate::shape::SurfaceSampler;
+use canaletto_bvh::lanes::Real32;
 use glam::{DVec3, Vec3};
 
 /// The runtime form of a light, with the points that emit.
@@ -59,10 +60,10 @@ pub struct Illumination {
 }
 
 /// What the light of a light with these coefficients of attenuation is divided by at a distance.
-#[inline]
-pub(crate) fn attenuation_divisor([c, l, q]: [f32; 3], distance: f32) -> f32 {
+#[inline(always)]
+pub(crate) fn attenuation_divisor<F: Real32>([c, l, q]: [F; 3], distance: F) -> F {
     // The divisor may be 0 at the light's own position; black stays black.
-    (c + l * distance + q * distance * distance).max(f32::MIN_POSITIVE)
+    (c + l * distance + q * distance * distance).max(F::splat(f32::MIN_POSITIVE))
 }
 
 impl PreparedLight {

@@ -135,7 +135,6 @@ impl<'a, F: Real64> Boundaries<'a, F> {
     fn gather(of_lane: impl Fn(usize) -> (&'a DielectricBsdf, &'a BoundaryFacets)) -> Boundaries<'a, F> {
         let facets = |lane: usize| of_lane(lane).1;
         let frame = |lane: usize| of_lane(lane).0.frame;
-        let bent = (0..F::COUNT).map(|lane| u32::from(frame(lane).is_bent()) << lane).sum();
         let mut albedo = [&facets(0).albedo; LANES];
         for (lane, of) in albedo[..F::COUNT].iter_mut().enumerate() {
             *of = &facets(lane).albedo;
@@ -154,7 +153,7 @@ impl<'a, F: Real64> Boundaries<'a, F> {
             mirrored: F::gather(|lane| facets(lane).back.mirrored),
             losses: [F::gather(|lane| facets(lane).back.losses[0]), F::gather(|lane| facets(lane).back.losses[1])],
             facing: Vector::gather(|lane| frame(lane).facing),
-            bent: F::Mask::from_bits(bent),
+            bent: F::Mask::gather(|lane| frame(lane).is_bent()),
         }
     }
 

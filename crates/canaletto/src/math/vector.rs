@@ -99,6 +99,13 @@ impl<F: Real> Vector<F> {
         Vector { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }
     }
 
+    /// Where all components are zero.
+    #[inline(always)]
+    pub(crate) fn is_zero(self) -> F::Mask {
+        let zero = F::splat(F::Scalar::default());
+        self.x.equal(zero) & self.y.equal(zero) & self.z.equal(zero)
+    }
+
     #[inline(always)]
     pub(crate) fn length_squared(self) -> F {
         self.dot(self)

@@ -120,15 +120,14 @@ impl SurfaceSampler {
     }
 
     /// A point on the side of a sphere towards `p`, in a direction uniform over the cone in which `p` sees the sphere.
-    /// The centre of the sphere and the versine 1 − cos θ of the cone's half angle follow. None for other forms, and
-    /// inside the sphere.
-    pub(crate) fn cone_point(&self, p: DVec3, [u, v]: [f64; 2]) -> Option<(DVec3, DVec3, f64)> {
+    /// The versine 1 − cos θ of the cone's half angle follows. None for other forms, and inside the sphere.
+    pub(crate) fn cone_point(&self, p: DVec3, [u, v]: [f64; 2]) -> Option<(DVec3, f64)> {
         let Form::Sphere(center, radius) = self.form else { return None };
         if sphere_side(p, center, radius) != Side::Outside {
             return None;
         }
         let (point, versine) = points_and_versines(center.into(), radius, p.into(), [u, v]);
-        Some((point.into(), center, versine))
+        Some((point.into(), versine))
     }
 }
 

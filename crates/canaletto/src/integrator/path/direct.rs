@@ -70,7 +70,7 @@ impl PathTracer<'_> {
         let (source, chosen) = self.lights.sample(self.world, to, choice, u_source)?;
         let point = self.source_point(to, (source, chosen), u)?;
         let SourcePoint { wi, position, radiance, pdf, t_max, is_point_light } = point;
-        let f = if is_point_light { vertex.eval_point_light(wi) } else { vertex.eval(wi) };
+        let (f, scattering_pdf) = vertex.towards_source(wi, is_point_light, source.is_found_by_rays());
         if f.is_black() || !f.is_finite() {
             return None;
         }
@@ -81,7 +81,7 @@ impl PathTracer<'_> {
             f,
             radiance,
             pdf,
-            scattering_pdf: source.is_found_by_rays().then(|| vertex.pdf(wi)),
+            scattering_pdf,
         };
         let inside =
             if self.sees_through || self.world.has_clear() { self.inside_after(vertex, sample.to)? } else { [NONE; 2] };

@@ -264,7 +264,7 @@ impl Emitter {
         if self.has_lanes(p) {
             let sample = LaneEmitters::<f64>::gather(|_| self).sample(p.into(), u);
             let [point, wi] = [sample.point, sample.wi].map(DVec3::from);
-            let radiance = Rgb::new(sample.radiance.x, sample.radiance.y, sample.radiance.z);
+            let radiance = sample.radiance.into();
             return sample.lit.then_some(EmitterSample { point, wi, radiance, pdf: sample.pdf });
         }
         let (point, pdf, outside) = self.with_place(world, time, |to_world| {

@@ -4,9 +4,10 @@
 //! [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Random numbers, points of sources,
 //! weights and rays are computed for all eight at once.
 //!
-//! Many vertices are opaque, outside of all bodies, and dark by themselves. Those of them that are diffuse, and those
-//! of rough metals, have queues of their own: their surfaces and their scattering are computed for all eight at once,
-//! too, and they don't go through [`PathTracer::arrive`]. The scattering of others is evaluated one by one.
+//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones and those of rough metals have
+//! queues of their own, and don't go through [`PathTracer::arrive`]. Their surfaces and their scattering are computed
+//! for all eight at once, too. So is the scattering of rough boundaries of clear bodies. That of others is evaluated
+//! one by one.
 
 mod any_surface;
 mod kernels;

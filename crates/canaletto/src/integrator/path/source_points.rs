@@ -11,7 +11,7 @@ use super::light_tree::Receiver;
 use crate::light::environment::{BlockWeights, EnvironmentDistribution, PreparedEnvironment};
 use crate::math::Vector;
 use crate::shape::{DVec3x8, Vec3x8, set_bits, set_dvec3, set_vec3};
-use canaletto_bvh::lanes::{LANES, LaneKernel, Mask, Real, Real64, run_lanes};
+use canaletto_bvh::lanes::{LANES, LaneKernel, Mask, Real64, run_lanes};
 
 /// Eight points of sources, seen from the vertices.
 pub(super) struct SourcePoints {
@@ -193,23 +193,13 @@ impl LaneKernel for SampleEnvironment<'_> {
         let sample = distribution.samples(|lane| &blocks[lane], [F::load(u), F::load(v)]);
         let radiance = environment.radiances_of_samples(sample.wi, sample.place);
         let pdf = sample.pdf * F::load(chosen);
-        let lit = F::Mask::from_bits(vertices) & !is_black(radiance);
+        let lit = F::Mask::from_bits(vertices) & !radiance.is_zero();
         let lit = points.put(lit, Found { wi: sample.wi, to: sample.wi, radiance, pdf });
         points.far |= lit;
         for lane in set_bits(lit) {
             points.t_max[lane] = f32::INFINITY;
         }
     }
-}
-
-/// Whether a colour is black in each lane.
-#[inline(always)]
-fn is_black<F: Real>(color: Vector<F>) -> F::Mask
-where
-    F::Scalar: Default,
-{
-    let black = F::splat(F::Scalar::default());
-    color.x.equal(black) & color.y.equal(black) & color.z.equal(black)
 }
 
 /// Points of sources in lanes.

@@ -60,10 +60,13 @@ impl SurfaceVertex {
         self.with_guide(wi, self.bsdf.pdf(wi))
     }
 
-    /// f |cos θ| of light along `wi`, and [`SurfaceVertex::pdf`].
-    pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
-        let (f, own) = self.bsdf.eval_and_pdf(wi);
-        (f, self.with_guide(wi, own))
+    /// [`Vertex::towards_source`].
+    pub(super) fn towards_source(&self, wi: DVec3, is_point_light: bool, is_found: bool) -> (Rgb, Option<f64>) {
+        if is_found {
+            let (f, own) = self.bsdf.eval_and_pdf(wi);
+            return (f, Some(self.with_guide(wi, own)));
+        }
+        (if is_point_light { self.bsdf.eval_point_light(wi) } else { self.bsdf.eval(wi) }, None)
     }
 
     fn with_guide(&self, wi: DVec3, own: f64) -> f64 {
@@ -130,20 +133,21 @@ impl Vertex<'_> {
         }
     }
 
+    /// f |cos θ| of a source's light along `wi`, and the density with which the path goes on along `wi`, if rays find
+    /// the source, too.
+    pub(super) fn towards_source(&self, wi: DVec3, is_point_light: bool, is_found: bool) -> (Rgb, Option<f64>) {
+        match self {
+            Vertex::Surface(surface) => surface.towards_source(wi, is_point_light, is_found),
+            Vertex::Medium(_) | Vertex::Meter(_) => (self.eval(wi), is_found.then(|| self.pdf(wi))),
+        }
+    }
+
     /// f |cos θ| of light along `wi`; in a medium, the phase function.
     pub(super) fn eval(&self, wi: DVec3) -> Rgb {
         match self {
             Vertex::Surface(surface) => surface.bsdf.eval(wi),
             Vertex::Medium(medium) => Rgb::gray(medium.phase.eval(medium.wo, wi) as f32),
             Vertex::Meter(_) => Rgb::gray(self.pdf(wi) as f32),
-        }
-    }
-
-    /// [`Vertex::eval`] for the light of one of the chapter's points.
-    pub(super) fn eval_point_light(&self, wi: DVec3) -> Rgb {
-        match self {
-            Vertex::Surface(surface) => surface.bsdf.eval_point_light(wi),
-            Vertex::Medium(_) | Vertex::Meter(_) => self.eval(wi),
         }
     }
 

@@ -284,11 +284,7 @@ impl EnvironmentDistribution {
         if normal == DVec3::ZERO {
             return self.blocks.weights([[1.0; BLOCK_ROWS]; BLOCK_COLUMNS]);
         }
-        InstructionSet::run(self.weigh_blocks(normal, two_sided))
-    }
-
-    fn weigh_blocks(&self, normal: DVec3, two_sided: bool) -> WeighBlocks<'_> {
-        WeighBlocks { blocks: &self.blocks, normal: self.to_local.vector(normal), two_sided }
+        InstructionSet::run(WeighBlocks { blocks: &self.blocks, normal: self.to_local.vector(normal), two_sided })
     }
 
     /// The light that arrives at a surface if nothing hides the environment: about the irradiance, as a sum of its

@@ -1,6 +1,7 @@
 //! Points of emitters for any number of receivers side by side.
 
 use super::{Emitter, Place};
+use crate::light::attenuation_divisor;
 use crate::math::{Affine, Vector};
 use crate::shape::{Flats, cone_points};
 use canaletto_bvh::lanes::{Mask, Real, Real64};
@@ -55,12 +56,6 @@ impl Emitter {
     }
 }
 
-/// The bits of the lanes of which a function is true.
-#[inline(always)]
-fn mask<F: Real64>(of_lane: impl Fn(usize) -> bool) -> F::Mask {
-    F::Mask::from_bits((0..F::COUNT).map(|lane| u32::from(of_lane(lane)) << lane).sum())
-}
-
 impl<F: Real64> LaneEmitters<F> {
     /// The emitter that a function gives for each lane.
     #[inline(always)]
@@ -106,9 +101,9 @@ impl<F: Real64> LaneEmitters<F> {
         LaneEmitters {
             flats,
             spheres,
-            is_sphere: mask::<F>(|lane| sphere(lane).is_some()),
+            is_sphere: F::Mask::gather(|lane| sphere(lane).is_some()),
             place,
-            two_sided: mask::<F>(|lane| of_lane(lane).two_sided),
+            two_sided: F::Mask::gather(|lane| of_lane(lane).two_sided),
             radiance: Vector {
                 x: F::Narrow::gather(|lane| radiance(lane).r),
                 y: F::Narrow::gather(|lane| radiance(lane).g),
@@ -151,13 +146,11 @@ impl<F: Real64> LaneEmitters<F> {
         let per_distance = one / distance;
         lit = lit & zero.less(per_distance) & per_distance.less(F::splat(f64::INFINITY));
         let mut radiance = self.radiance;
-        if let Some([c, l, q]) = self.attenuation {
-            let distance = distance.narrow();
-            let divisor = (c + l * distance + q * distance * distance).max(F::Narrow::splat(f32::MIN_POSITIVE));
+        if let Some(coefficients) = self.attenuation {
+            let divisor = attenuation_divisor(coefficients, distance.narrow());
             radiance = Vector { x: radiance.x / divisor, y: radiance.y / divisor, z: radiance.z / divisor };
         }
-        let black = F::Narrow::splat(0.0);
-        lit = lit & !(radiance.x.equal(black) & radiance.y.equal(black) & radiance.z.equal(black));
+        lit = lit & !radiance.is_zero();
         LaneEmitterSamples { point, wi: to * per_distance, radiance, pdf, lit }
     }
 }

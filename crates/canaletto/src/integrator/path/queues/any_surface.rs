@@ -73,13 +73,9 @@ impl Scattering8 for AnyVertices<'_> {
         for lane in set_bits(points.lit) {
             let (vertex, wi) = (&self.vertices[lane], dvec3(&points.wi, lane));
             let is_set = |bits: u32| bits >> lane & 1 == 1;
-            let (f, pdf) = match is_set(points.found) {
-                true => vertex.eval_and_pdf(wi),
-                false if is_set(points.point_lights) => (vertex.bsdf.eval_point_light(wi), 1.0),
-                false => (vertex.bsdf.eval(wi), 1.0),
-            };
+            let (f, pdf) = vertex.towards_source(wi, is_set(points.point_lights), is_set(points.found));
             set_vec3(&mut evaluated.f, lane, f.to_array().into());
-            evaluated.pdf[lane] = pdf;
+            evaluated.pdf[lane] = pdf.unwrap_or(1.0);
         }
         evaluated
     }

@@ -127,9 +127,8 @@ pub(super) struct Scatter<'a> {
 /// Whether a colour is finite and not black in each lane.
 #[inline(always)]
 fn is_lit<F: Real32>(color: Vector<F>) -> F::Mask {
-    let (black, infinite) = (F::splat(0.0), F::splat(f32::INFINITY));
-    let is_black = color.x.equal(black) & color.y.equal(black) & color.z.equal(black);
-    !is_black & color.x.abs().less(infinite) & color.y.abs().less(infinite) & color.z.abs().less(infinite)
+    let infinite = F::splat(f32::INFINITY);
+    !color.is_zero() & color.x.abs().less(infinite) & color.y.abs().less(infinite) & color.z.abs().less(infinite)
 }
 
 impl LaneKernel for Scatter<'_> {

@@ -18,7 +18,7 @@ use glam::DVec3;
 /// The materials of eight vertices of one kind.
 pub(super) trait Materials8: Default {
     /// Whether surfaces choose among several lobes.
-    const HAS_LOBES: bool;
+    const HAS_LOBES: bool = false;
 
     type Vertices<'a>: Scattering8
     where
@@ -28,7 +28,7 @@ pub(super) trait Materials8: Default {
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a>;
 
     /// Forgets the vertices.
-    fn clear(&mut self);
+    fn clear(&mut self) {}
 }
 
 /// f |cos θ| of eight directions, and the densities with which paths go on along them.
@@ -97,11 +97,47 @@ pub(super) trait Lobes8 {
     /// Whether a vertex scatters no light.
     fn is_black(&self, lane: usize) -> bool;
 
-    /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions.
-    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8;
+    /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions. It has
+    /// to be `#[inline(always)]`.
+    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F);
 
-    /// The directions that the vertices' random numbers choose.
-    fn directions(&self) -> DVec3x8;
+    /// The directions at `u` of the unit square. It has to be `#[inline(always)]`.
+    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F>;
+}
+
+struct Evaluate<'a, L> {
+    lobes: &'a L,
+    wi: &'a DVec3x8,
+}
+
+impl<L: Lobes8> LaneKernel for Evaluate<'_, L> {
+    type Answer = Evaluated8;
+
+    #[inline(always)]
+    fn run<F: Real64>(self) -> Evaluated8 {
+        let (f, pdf) = self.lobes.evaluate(Vector::<F>::load(self.wi));
+        let mut evaluated = Evaluated8::NONE;
+        f.store(&mut evaluated.f);
+        pdf.store(&mut evaluated.pdf);
+        evaluated
+    }
+}
+
+struct Directions<'a, L> {
+    lobes: &'a L,
+    u: &'a [[f64; LANES]; 2],
+}
+
+impl<L: Lobes8> LaneKernel for Directions<'_, L> {
+    type Answer = DVec3x8;
+
+    #[inline(always)]
+    fn run<F: Real64>(self) -> DVec3x8 {
+        let [u, v] = self.u;
+        let mut wi = [[0.0; LANES]; 3];
+        self.lobes.directions([F::load(u), F::load(v)]).store(&mut wi);
+        wi
+    }
 }
 
 /// Eight opaque vertices, and where light comes from there as far as that was learnt.
@@ -140,7 +176,7 @@ impl<L: Lobes8> Scattering8 for OpaqueVertices<'_, L> {
     }
 
     fn evaluate(&self, points: &SourcePoints) -> Evaluated8 {
-        let mut evaluated = self.lobes.evaluate(&points.wi);
+        let mut evaluated = run_lanes(Evaluate { lobes: &self.lobes, wi: &points.wi });
         for (lane, guide) in self.guides() {
             let pdf = guide.pdf(dvec3(&points.wi, lane));
             evaluated.pdf[lane] = pdf_of_both(guide.probability, pdf, evaluated.pdf[lane]);
@@ -149,15 +185,15 @@ impl<L: Lobes8> Scattering8 for OpaqueVertices<'_, L> {
     }
 
     fn sample(&self) -> Sampled8 {
-        let mut wi = self.lobes.directions();
-        let (mut chosen, [u, v]) = (0, &self.arrived.u_direction);
+        let [u, v] = &self.arrived.u_direction;
+        let (mut wi, mut chosen) = (run_lanes(Directions { lobes: &self.lobes, u: &self.arrived.u_direction }), 0);
         for (lane, guide) in self.guides() {
             if self.arrived.u_lobe[lane] < guide.probability {
                 set_dvec3(&mut wi, lane, guide.sample([u[lane], v[lane]]));
                 chosen |= 1 << lane;
             }
         }
-        let Evaluated8 { f, mut pdf } = self.lobes.evaluate(&wi);
+        let Evaluated8 { f, mut pdf } = run_lanes(Evaluate { lobes: &self.lobes, wi: &wi });
         // A surface's own direction that it doesn't scatter to has no density.
         let valid = (0..self.len).map(|lane| u32::from(pdf[lane] > 0.0) << lane).sum::<u32>() | chosen;
         let (mut guided, mut lobes) = ([1.0; LANES], [L::LOBE; LANES]);
@@ -194,15 +230,11 @@ pub(super) struct DiffuseLobes<'a> {
 }
 
 impl Materials8 for Diffuse {
-    const HAS_LOBES: bool = false;
-
     type Vertices<'a> = OpaqueVertices<'a, DiffuseLobes<'a>>;
 
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
         OpaqueVertices::new(DiffuseLobes { kd: &self.kd, arrived }, arrived, field, len)
     }
-
-    fn clear(&mut self) {}
 }
 
 impl Lobes8 for DiffuseLobes<'_> {
@@ -212,46 +244,15 @@ impl Lobes8 for DiffuseLobes<'_> {
         rgb(self.kd, lane).is_black()
     }
 
-    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8 {
-        run_lanes(EvaluateDiffuse { lobes: self, wi })
+    #[inline(always)]
+    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        let (normal, facing) = (Vector::load(&self.arrived.normal), Vector::load(&self.arrived.facing));
+        (Vector::load(self.kd) * diffuse_share(normal, facing, wi), diffuse_pdf(normal, wi))
     }
-
-    fn directions(&self) -> DVec3x8 {
-        run_lanes(DiffuseDirections(self.arrived))
-    }
-}
-
-struct EvaluateDiffuse<'a> {
-    lobes: &'a DiffuseLobes<'a>,
-    wi: &'a DVec3x8,
-}
-
-impl LaneKernel for EvaluateDiffuse<'_> {
-    type Answer = Evaluated8;
 
     #[inline(always)]
-    fn run<F: Real64>(self) -> Evaluated8 {
-        let DiffuseLobes { kd, arrived } = self.lobes;
-        let (normal, facing) = (Vector::<F>::load(&arrived.normal), Vector::load(&arrived.facing));
-        let wi = Vector::load(self.wi);
-        let mut evaluated = Evaluated8::NONE;
-        (Vector::load(kd) * diffuse_share(normal, facing, wi)).store(&mut evaluated.f);
-        diffuse_pdf(normal, wi).store(&mut evaluated.pdf);
-        evaluated
-    }
-}
-
-struct DiffuseDirections<'a>(&'a Arrived);
-
-impl LaneKernel for DiffuseDirections<'_> {
-    type Answer = DVec3x8;
-
-    #[inline(always)]
-    fn run<F: Real64>(self) -> DVec3x8 {
-        let Arrived { normal, u_direction: [u, v], .. } = self.0;
-        let mut wi = [[0.0; LANES]; 3];
-        diffuse_direction(Vector::<F>::load(normal), [F::load(u), F::load(v)]).store(&mut wi);
-        wi
+    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F> {
+        diffuse_direction(Vector::load(&self.arrived.normal), u)
     }
 }
 
@@ -268,15 +269,11 @@ pub(super) struct MetalLobes<'a> {
 }
 
 impl Materials8 for Metals {
-    const HAS_LOBES: bool = false;
-
     type Vertices<'a> = OpaqueVertices<'a, MetalLobes<'a>>;
 
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
         OpaqueVertices::new(MetalLobes { points: &self.points, arrived }, arrived, field, len)
     }
-
-    fn clear(&mut self) {}
 }
 
 impl MetalLobes<'_> {
@@ -303,44 +300,13 @@ impl Lobes8 for MetalLobes<'_> {
         false
     }
 
-    fn evaluate(&self, wi: &DVec3x8) -> Evaluated8 {
-        run_lanes(EvaluateMetals { lobes: self, wi })
+    #[inline(always)]
+    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        self.facets::<F>().returning(|lane, cos| self.points[lane].returned(cos)).eval_and_pdf(wi)
     }
-
-    fn directions(&self) -> DVec3x8 {
-        run_lanes(MetalDirections(self))
-    }
-}
-
-struct EvaluateMetals<'a> {
-    lobes: &'a MetalLobes<'a>,
-    wi: &'a DVec3x8,
-}
-
-impl LaneKernel for EvaluateMetals<'_> {
-    type Answer = Evaluated8;
 
     #[inline(always)]
-    fn run<F: Real64>(self) -> Evaluated8 {
-        let facets = self.lobes.facets::<F>().returning(|lane, cos| self.lobes.points[lane].returned(cos));
-        let (f, pdf) = facets.eval_and_pdf(Vector::load(self.wi));
-        let mut evaluated = Evaluated8::NONE;
-        f.store(&mut evaluated.f);
-        pdf.store(&mut evaluated.pdf);
-        evaluated
-    }
-}
-
-struct MetalDirections<'a>(&'a MetalLobes<'a>);
-
-impl LaneKernel for MetalDirections<'_> {
-    type Answer = DVec3x8;
-
-    #[inline(always)]
-    fn run<F: Real64>(self) -> DVec3x8 {
-        let [u, v] = &self.0.arrived.u_direction;
-        let mut wi = [[0.0; LANES]; 3];
-        self.0.facets::<F>().direction([F::load(u), F::load(v)]).store(&mut wi);
-        wi
+    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F> {
+        self.facets::<F>().direction(u)
     }
 }

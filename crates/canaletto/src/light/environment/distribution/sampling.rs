@@ -34,8 +34,8 @@ fn indices<F: Real64>(of_lane: impl Fn(usize) -> usize) -> Indices {
 }
 
 impl Blocks {
-    /// What the radiance of a block in each lane counts for a surface with this unit normal of the environment's own
-    /// space: the mean cosine of its directions, as if their cosines were distributed evenly.
+    /// What the radiance of a block in each lane counts for a surface: the mean cosine of its directions, as if their
+    /// cosines were distributed evenly. The unit normal is that of the environment's own space, or zero in a medium.
     #[inline(always)]
     pub(super) fn factors<F: Real64>(
         &self,
@@ -149,10 +149,8 @@ impl EnvironmentDistribution {
         let texel_row = |lane: usize| (row[lane] + 1).saturating_sub(POLAR).min(rows);
         let block_row = indices::<F>(|lane| block(texel_row(lane), rows + 1, BLOCK_ROWS));
         let block_column = indices::<F>(|lane| block(column[lane], width, BLOCK_COLUMNS));
-        let zero = F::splat(0.0);
-        let in_medium = normal.x.equal(zero) & normal.y.equal(zero) & normal.z.equal(zero);
         let factor = self.blocks.factors([&block_column, &block_row], to_local.vector(normal), two_sided);
-        let factor = F::select(in_medium, F::splat(1.0), factor);
+        let factor = F::select(normal.is_zero(), F::splat(1.0), factor);
         let ends = self.blended_nodes(&row, &column, y);
         density(ends, x - left, to_local.vector(direction)) * (factor / total)
     }
