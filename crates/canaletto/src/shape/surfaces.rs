@@ -9,6 +9,9 @@ use glam::{DVec3, Vec2, Vec3};
 /// The number of lanes.
 pub(crate) const SURFACES: usize = 8;
 
+/// The bits of all lanes.
+const ALL: u32 = (1 << SURFACES) - 1;
+
 /// Eight points or directions: rows of x, y and z.
 pub(crate) type DVec3x8 = [[f64; SURFACES]; 3];
 
@@ -120,6 +123,10 @@ impl Surfaces {
     /// Copies the lanes whose bit is set.
     #[inline(always)]
     fn take(&mut self, from: &Surfaces, bits: u32) {
+        if bits == ALL {
+            *self = *from;
+            return;
+        }
         take(&mut self.exact, &from.exact, bits);
         take(&mut self.normal, &from.normal, bits);
         take(&mut self.shading_normal, &from.shading_normal, bits);

@@ -151,18 +151,23 @@ impl ImageMap {
         let column = |i: usize| self.axes[0].texel(columns.first + i as i64, width);
         let columns_at: [Option<u32>; 4] = std::array::from_fn(|i| if i < columns.count { column(i) } else { None });
         let base = self.pyramid.level(level);
-        let mut sum = Sum::new(&self.pyramid, level);
+        let (mut taps, mut count, mut black) = ([(0, 0.0); 16], 0, 0.0);
         for (j, row_weight) in rows.weights.iter().enumerate().take(rows.count) {
             let row = self.axes[1].texel(rows.first + j as i64, height);
             for (i, at) in columns_at.iter().enumerate().take(columns.count) {
                 let weight = columns.weights[i] * row_weight;
                 match (at, row) {
-                    (Some(x), Some(y)) => sum.add(base.index(*x, y), weight),
-                    (x, y) => sum.add_outside(self.is_black(x.is_none(), y.is_none()), weight),
+                    (Some(x), Some(y)) => {
+                        taps[count] = (base.index(*x, y), weight);
+                        count += 1;
+                    }
+                    (x, y) if self.is_black(x.is_none(), y.is_none()) => black += weight,
+                    _ => {}
                 }
             }
         }
-        sum.total()
+        let [r, g, b, a] = self.pyramid.codec.sum(&base.samples, &taps[..count]);
+        [r, g, b, a + black]
     }
 
     /// Whether the outside, to the side or above and below, is black and not transparent.

@@ -174,6 +174,11 @@ impl Geometry {
         }
     }
 
+    /// Whether it is a list of few shapes.
+    pub(in crate::world) fn is_list(&self) -> bool {
+        matches!(self, Geometry::Shapes { .. }) && self.is_few()
+    }
+
     /// [`Geometry::intersect`] for a ray that isn't prepared, at a geometry that [is few](Geometry::is_few) and thus no
     /// mesh. Such geometries rarely need a prepared ray.
     pub(in crate::world) fn intersect_few(&self, ray: &Ray, t_max: f32) -> PrimitiveHit {

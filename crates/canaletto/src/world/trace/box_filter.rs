@@ -118,10 +118,17 @@ impl Kernel for Candidates<'_> {
                 let is_missed = near[i] * (1.0 - SLACK) > far[i] * (1.0 + SLACK) + TINY;
                 bits |= u32::from(!is_missed) << i;
             }
-            while bits != 0 {
-                found.push((number * LANES) as u32 + bits.trailing_zeros());
-                bits &= bits - 1;
+            if bits == 0 {
+                continue;
             }
+            // Each number is written, and the next one overwrites it if its bit isn't set: no branch is mispredicted.
+            let mut end = found.len();
+            found.resize(end + LANES, 0);
+            for i in 0..LANES {
+                found[end] = (number * LANES + i) as u32;
+                end += (bits >> i & 1) as usize;
+            }
+            found.truncate(end);
         }
     }
 }

@@ -9,7 +9,7 @@
 use crate::shape::{SURFACES, Vec3x8, vec3};
 use crate::world::World;
 use crate::world::data::geometry::Geometry;
-use crate::world::data::instance::NONE;
+use crate::world::data::instance::{Instance, NONE};
 use crate::world::data::packet_bounds::GROUP;
 use crate::world::trace::batch_query::{BatchQuery, BatchRays, Blockers, NearestHits, Target};
 use crate::world::trace::bundle_tree::InstanceBuffers;
@@ -225,6 +225,11 @@ impl World {
         }
     }
 
+    /// Whether an instance finds the rays near each of its shapes by itself: few shapes in the world's space.
+    pub(in crate::world) fn filters_rays(&self, instance: &Instance) -> bool {
+        instance.to_world.is_none() && self.geometry.geometries[instance.geometry as usize].is_list()
+    }
+
     /// Tests each instance with each run of groups of rays that may hit it.
     fn meet_few_instances(
         &self,
@@ -243,6 +248,11 @@ impl World {
             }
             let may_be_clear = self.may_let_light_through(number);
             let target = Target { world: self, instance, number, admitted: None, may_be_clear, times };
+            if self.filters_rays(instance) {
+                let range = 0..rays.rays.len();
+                query.meet(&target, RayRange { all: rays, range: range.clone() }, range);
+                continue;
+            }
             for_candidate_runs(packet_bounds, rays.rays.len(), bounds, |range| {
                 let part = if instance.to_world.is_none() {
                     RayRange { all: rays, range: range.clone() }
@@ -304,7 +314,7 @@ impl Geometry {
             (Geometry::Mesh { triangles, mesh }, Traversal::Stream) => {
                 triangles.intersect_stream(mesh, part.rays(), found);
             }
-            (Geometry::Shapes { shapes, .. }, _) if self.is_few() => shape_list::intersect(shapes, part, found),
+            (Geometry::Shapes { shapes, .. }, _) if self.is_list() => shape_list::intersect(shapes, part, found),
             _ if self.is_few() => {
                 for (ray, found) in part.rays().iter().zip(found) {
                     *found = self.intersect_few(ray, found.t);

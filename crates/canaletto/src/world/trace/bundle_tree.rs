@@ -46,9 +46,9 @@ pub(in crate::world) struct InstanceBuffers {
 }
 
 impl InstanceBuffers {
-    /// Finds the bounds of the groups of rays, if the world's instances are few.
+    /// Finds the bounds of the groups of rays, if the world's instances are few and any of them asks for them.
     pub(in crate::world) fn bound_groups(&mut self, world: &World, rays: &[Ray], t_max: &[f32]) {
-        if world.is_small() {
+        if world.is_small() && !world.geometry.root.instances.iter().all(|instance| world.filters_rays(instance)) {
             PacketBounds::of_groups(&mut self.packet_bounds, rays, t_max);
         }
     }

@@ -23,8 +23,8 @@ fn for_candidates(
     for (id, shape) in (0..).zip(shapes) {
         let Some(bounds) = shape.bounds() else { continue };
         let (candidates, ends) = filter.candidates(&bounds);
+        let mut group = [Ray { origin: Vec3::ZERO, direction: Vec3::ONE }; GROUP];
         for numbers in candidates.chunks(GROUP) {
-            let mut group = [Ray { origin: Vec3::ZERO, direction: Vec3::ONE }; GROUP];
             group.iter_mut().zip(numbers).for_each(|(to, number)| *to = rays[*number as usize]);
             f(id, shape, &bounds, numbers, &group[..numbers.len()], ends);
         }
