@@ -55,8 +55,8 @@ impl ScatteringFrame {
     /// The axes of microfacets that are alike in all directions, for these normals.
     #[inline(always)]
     pub(crate) fn isotropic_facet_axes(normal: DVec3, facing: DVec3, wo: DVec3) -> DMat3 {
-        let [x, y, z] = isotropic_axes::<f64>(normal.into(), facing.into(), wo.into()).map(DVec3::from);
-        DMat3::from_cols(x, y, z)
+        let FacetAxes { x, y, z } = FacetAxes::<f64>::isotropic(normal.into(), facing.into(), wo.into());
+        DMat3::from_cols(x.into(), y.into(), z.into())
     }
 
     /// The normal around which microfacets are distributed. It is on the side of `wo`.
@@ -80,12 +80,44 @@ impl ScatteringFrame {
     }
 }
 
-/// The axes of microfacets that are alike in all directions, for these normals.
-#[inline(always)]
-pub(crate) fn isotropic_axes<F: Real64>(normal: Vector<F>, facing: Vector<F>, wo: Vector<F>) -> [Vector<F>; 3] {
-    let z = seen_normal(normal, facing, wo);
-    let [_, x] = z.orthonormal_pair();
-    [x, z.cross(x), z]
+/// The axes of microfacets in each lane. They are orthonormal, and z is the facets' own normal.
+#[derive(Clone, Copy)]
+pub(crate) struct FacetAxes<F> {
+    pub(super) x: Vector<F>,
+    pub(super) y: Vector<F>,
+    pub(super) z: Vector<F>,
+}
+
+impl<F: Real64> FacetAxes<F> {
+    /// The axes of microfacets that are alike in all directions, for these normals.
+    #[inline(always)]
+    pub(crate) fn isotropic(normal: Vector<F>, facing: Vector<F>, wo: Vector<F>) -> FacetAxes<F> {
+        let z = seen_normal(normal, facing, wo);
+        let [_, x] = z.orthonormal_pair();
+        FacetAxes { x, y: z.cross(x), z }
+    }
+
+    /// The axes that a function gives for each lane as columns.
+    #[inline(always)]
+    pub(super) fn gather<'a>(of_lane: impl Fn(usize) -> &'a DMat3) -> FacetAxes<F> {
+        FacetAxes {
+            x: Vector::gather(|lane| of_lane(lane).x_axis),
+            y: Vector::gather(|lane| of_lane(lane).y_axis),
+            z: Vector::gather(|lane| of_lane(lane).z_axis),
+        }
+    }
+
+    /// A direction of the world along these axes.
+    #[inline(always)]
+    pub(super) fn local(&self, w: Vector<F>) -> Vector<F> {
+        Vector { x: self.x.dot(w), y: self.y.dot(w), z: self.z.dot(w) }
+    }
+
+    /// A direction along these axes in the world.
+    #[inline(always)]
+    pub(super) fn world(&self, w: Vector<F>) -> Vector<F> {
+        self.x * w.x + self.y * w.y + self.z * w.z
+    }
 }
 
 /// The shading normal on the side of `wo`. One that leans away from `wo` is mirrored to lean as much towards it, so
@@ -111,6 +143,14 @@ pub(super) fn mirrored_at(facing: DVec3, wi: DVec3) -> DVec3 {
 #[inline(always)]
 pub(super) fn mirrored_directions<F: Real64>(facing: Vector<F>, wi: Vector<F>) -> Vector<F> {
     wi - facing * (wi.dot(facing) * 2.0)
+}
+
+/// Random directions of scattering in each lane.
+pub(crate) struct LobeDirections<F: Real64> {
+    pub(crate) wi: Vector<F>,
+    /// Where there is a direction, and where facets mirror to it.
+    pub(crate) is_valid: F::Mask,
+    pub(crate) is_mirrored: F::Mask,
 }
 
 /// A random direction of scattering.
@@ -191,7 +231,7 @@ impl Bsdf {
             Bsdf::Phong(phong) => SeenBsdf::Phong(phong, wo),
             Bsdf::Conductor(conductor) => SeenBsdf::Conductor(SeenConductor::new(conductor, wo)),
             Bsdf::Dielectric(dielectric) => SeenBsdf::Dielectric(SeenDielectric::new(dielectric, wo)),
-            Bsdf::Standard(standard) => SeenBsdf::Standard(SeenStandard::new(standard, wo)),
+            Bsdf::Standard(standard) => SeenBsdf::Standard(Box::new(SeenStandard::new(standard, wo))),
         }
     }
 
@@ -208,13 +248,13 @@ impl Bsdf {
 }
 
 /// The scattering at a point as it is seen from one direction. What depends on that direction alone is computed once.
-#[expect(clippy::large_enum_variant, reason = "one lives on the stack, at the last vertex of a path")]
 pub(crate) enum SeenBsdf {
     Diffuse(DiffuseBsdf),
     Phong(PhongBsdf, DVec3),
     Conductor(SeenConductor),
     Dielectric(SeenDielectric),
-    Standard(SeenStandard),
+    /// It is boxed, so that the others are small.
+    Standard(Box<SeenStandard>),
 }
 
 impl SeenBsdf {
@@ -247,7 +287,11 @@ impl SeenBsdf {
 
     /// A rough boundary of a clear body.
     pub(crate) fn rough_boundary(&self) -> Option<&SeenDielectric> {
-        if let SeenBsdf::Dielectric(boundary) = self { boundary.rough().map(|_| boundary) } else { None }
+        if let SeenBsdf::Dielectric(boundary) = self {
+            Some(boundary).filter(|boundary| boundary.is_rough())
+        } else {
+            None
+        }
     }
 
     /// [`Bsdf::sample`].

@@ -4,14 +4,14 @@
 //! Scattering Compensation for Microfacet Models*, 2019). A metal that reflects all light is exactly white. This part
 //! is not reciprocal.
 
-use super::bsdf::{mirrored_at, mirrored_directions};
-use super::conductor_albedo::conductor_albedo;
+use super::bsdf::{FacetAxes, mirrored_at, mirrored_directions};
+use super::conductor_albedo::conductor_albedos;
 use super::fresnel::fresnel_conductors;
 use super::ggx::Ggx;
 use super::{BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, fresnel_conductor, reflect};
 use crate::OutOfRange;
 use crate::math::{Rgb, Vector};
-use canaletto_bvh::lanes::{LANES, Mask, Real, Real64};
+use canaletto_bvh::lanes::{Mask, Real, Real64};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -106,13 +106,14 @@ impl ConductorPoint {
         let roughness = f64::from(point.classic.roughness);
         ConductorPoint { eta, k, f0: fresnel_conductor(1.0, eta, k), alpha: roughness * roughness }
     }
+}
 
-    /// The factor of what one scattering reflects towards the cosine `cos`, with what facets reflect to each other.
-    pub(crate) fn returned(&self, cos: f64) -> Rgb {
-        let albedo = conductor_albedo(cos, self.alpha) as f32;
-        let lost = (1.0 - albedo) / albedo;
-        Rgb::WHITE + self.f0 * lost
-    }
+/// The factor of what one scattering reflects towards the cosine `cos`, with what facets reflect to each other, of a
+/// metal that mirrors `f0` at right angles.
+#[inline(always)]
+fn returned<F: Real64>(f0: Vector<F::Narrow>, cos: F, alpha: F) -> Vector<F::Narrow> {
+    let (one, albedo) = (F::Narrow::splat(1.0), conductor_albedos(cos, alpha).narrow());
+    Vector { x: one, y: one, z: one } + f0 * ((one - albedo) / albedo)
 }
 
 /// A metal at a point.
@@ -135,9 +136,8 @@ impl ConductorBsdf {
     fn facets(&self, wo: DVec3) -> MetalFacets<f64> {
         let ConductorBsdf { point, frame } = self;
         let axes = frame.facet_axes(wo);
-        let axes = [axes.x_axis, axes.y_axis, axes.z_axis].map(Vector::from);
-        MetalFacets::new(point.eta.into(), point.k.into(), point.alpha, frame.facing.into(), axes, wo.into())
-            .returning(|_, cos| point.returned(cos))
+        let axes = FacetAxes::gather(|_| &axes);
+        MetalFacets::gather(|_| point, frame.facing.into(), axes, wo.into())
     }
 }
 
@@ -159,56 +159,38 @@ pub(crate) struct MetalFacets<F: Real64> {
     /// Where the facets' own normal is another one.
     bent: F::Mask,
     /// The axes of the facets, and the viewer's direction in them.
-    axes: [Vector<F>; 3],
+    axes: FacetAxes<F>,
     wo: Vector<F>,
     /// The factor of what one scattering reflects.
     returned: Vector<F::Narrow>,
 }
 
 impl<F: Real64> MetalFacets<F> {
-    /// The facets of metals with these indices and this α, around these axes.
+    /// The facets of the metal that a function gives for each lane, around these axes.
     #[inline(always)]
-    pub(crate) fn new(
-        eta: Vector<F::Narrow>,
-        k: Vector<F::Narrow>,
-        alpha: F,
+    pub(crate) fn gather<'a>(
+        of_lane: impl Fn(usize) -> &'a ConductorPoint,
         facing: Vector<F>,
-        axes: [Vector<F>; 3],
+        axes: FacetAxes<F>,
         wo: Vector<F>,
     ) -> MetalFacets<F> {
-        let [x, y, z] = axes;
-        let same = z.x.equal(facing.x) & z.y.equal(facing.y) & z.z.equal(facing.z);
-        let one = F::Narrow::splat(1.0);
+        let (alpha, wo) = (F::gather(|lane| of_lane(lane).alpha), axes.local(wo));
         MetalFacets {
-            eta,
-            k,
+            eta: Rgb::gather(|lane| of_lane(lane).eta),
+            k: Rgb::gather(|lane| of_lane(lane).k),
             ggx: Ggx::isotropic(alpha),
             facing,
-            bent: !same,
+            bent: !axes.z.equal(facing),
             axes,
-            wo: Vector { x: x.dot(wo), y: y.dot(wo), z: z.dot(wo) },
-            returned: Vector { x: one, y: one, z: one },
+            wo,
+            returned: returned(Rgb::gather(|lane| of_lane(lane).f0), wo.z, alpha),
         }
-    }
-
-    /// The same facets with the [factors](ConductorPoint::returned) that a function gives for each lane and its cosine.
-    #[inline(always)]
-    pub(crate) fn returning(self, of_lane: impl Fn(usize, f64) -> Rgb) -> MetalFacets<F> {
-        let cosines = self.wo.z.to_array();
-        let mut returned = [[0.0; LANES]; 3];
-        for (lane, cos) in cosines[..F::COUNT].iter().enumerate() {
-            for (row, value) in returned.iter_mut().zip(of_lane(lane, *cos).to_array()) {
-                row[lane] = value;
-            }
-        }
-        MetalFacets { returned: Vector::load(&returned), ..self }
     }
 
     /// The unit direction in the frame of the facets, and the facet that mirrors it, which is 0 where there is none.
     #[inline(always)]
     fn local(&self, wi: Vector<F>) -> (Vector<F>, Vector<F>) {
-        let [x, y, z] = self.axes;
-        let wi = Vector { x: x.dot(wi), y: y.dot(wi), z: z.dot(wi) };
+        let wi = self.axes.local(wi);
         let half = self.wo + wi;
         let (zero, shrink) = (F::splat(0.0), F::splat(1.0) / half.length());
         let is_facet = zero.less(shrink) & shrink.less(F::splat(f64::INFINITY));
@@ -247,8 +229,7 @@ impl<F: Real64> MetalFacets<F> {
     pub(crate) fn direction(&self, u: [F; 2]) -> Vector<F> {
         let m = self.ggx.sample_mirroring(self.wo, u);
         let local = m * (self.wo.dot(m) * 2.0) - self.wo;
-        let [x, y, z] = self.axes;
-        let wi = (x * local.x + y * local.y + z * local.z).normalized();
+        let wi = self.axes.world(local).normalized();
         let zero = F::splat(0.0);
         let is_through = zero.less(local.z) & wi.dot(self.facing).less(zero) & self.bent;
         Vector::select(is_through, mirrored_directions(self.facing, wi), wi)
@@ -318,7 +299,9 @@ mod tests {
         let (wo, wi) = (direction(50.0), direction(-75.0));
         // What one scattering mirrors, without what facets reflect to each other.
         let single = |conductor: Conductor| {
-            let [all, returned] = [metal(conductor, 0.6).eval(wo, wi), point(conductor, 0.6).returned(wo.z)];
+            let point = point(conductor, 0.6);
+            let [all, returned] =
+                [metal(conductor, 0.6).eval(wo, wi), returned(point.f0.into(), wo.z, point.alpha).into()];
             Rgb::new(all.r / returned.r, all.g / returned.g, all.b / returned.b)
         };
         // A metal with k ≫ η mirrors all light.
@@ -337,7 +320,9 @@ mod tests {
     fn lost_light_comes_back_with_the_metals_colour() {
         let gold = Conductor::named("gold").unwrap();
         let (kept, f0) = (1.0 - std::f32::consts::LN_2, fresnel_conductor(1.0, gold.eta, gold.k));
-        for (returned, f0) in point(gold, 1.0).returned(1.0).to_array().into_iter().zip(f0.to_array()) {
+        let gold_point = point(gold, 1.0);
+        let returned = Rgb::from(returned(gold_point.f0.into(), 1.0, gold_point.alpha));
+        for (returned, f0) in returned.to_array().into_iter().zip(f0.to_array()) {
             let gain = 1.0 + f0 * (1.0 - kept) / kept;
             assert!((returned / gain - 1.0).abs() < 5e-3, "{returned}, {gain}");
         }

@@ -2,6 +2,7 @@
 
 use super::ggx::Ggx;
 use super::reflect;
+use canaletto_bvh::lanes::Real64;
 use glam::DVec3;
 use std::sync::LazyLock;
 
@@ -55,22 +56,42 @@ fn mean_shadowing(cos: f64, ggx: &Ggx, points: u32, weight: &dyn Fn(f64) -> f64)
 
 /// E(cos θ, α): the albedo of one scattering by a metal that reflects all light, interpolated in the table.
 pub(super) fn conductor_albedo(cos: f64, alpha: f64) -> f64 {
+    conductor_albedos(cos, alpha)
+}
+
+/// [`conductor_albedo`] in each lane.
+#[inline(always)]
+pub(super) fn conductor_albedos<F: Real64>(cos: F, alpha: F) -> F {
     looked_up(&TABLE, cos, alpha)
 }
 
-/// The albedo of one scattering by facets that reflect (1 − µ)⁵ of the light, with µ the cosine at the facet.
-pub(super) fn grazing_albedo(cos: f64, alpha: f64) -> f64 {
+/// The albedo of one scattering by facets that reflect (1 − µ)⁵ of the light in each lane, with µ the cosine at the
+/// facet.
+#[inline(always)]
+pub(super) fn grazing_albedos<F: Real64>(cos: F, alpha: F) -> F {
     looked_up(&GRAZING, cos, alpha)
 }
 
-fn looked_up(table: &Table, cos: f64, alpha: f64) -> f64 {
-    let [(row, down), (column, right)] = [alpha, cos].map(|value| {
-        let at = value.clamp(0.0, 1.0).sqrt() * (SIDE - 1) as f64;
-        let index = (at as usize).min(SIDE - 2);
-        (index, at - index as f64)
-    });
-    let along = |row: usize| f64::from(table[row][column]) * (1.0 - right) + f64::from(table[row][column + 1]) * right;
-    along(row) * (1.0 - down) + along(row + 1) * down
+#[inline(always)]
+fn looked_up<F: Real64>(table: &Table, cos: F, alpha: F) -> F {
+    let ([rows, down], [columns, right]) = (on_axis(alpha), on_axis(cos));
+    let (rows, columns) = (rows.to_array(), columns.to_array());
+    let at = |lane: usize, below: usize, beside: usize| {
+        f64::from(table[rows[lane] as usize + below][columns[lane] as usize + beside])
+    };
+    let (up, left) = (F::splat(1.0) - down, F::splat(1.0) - right);
+    let first = F::gather(|lane| at(lane, 0, 0)) * left + F::gather(|lane| at(lane, 0, 1)) * right;
+    let second = F::gather(|lane| at(lane, 1, 0)) * left + F::gather(|lane| at(lane, 1, 1)) * right;
+    first * up + second * down
+}
+
+/// The row or column before a value, and the share of the next one.
+#[inline(always)]
+fn on_axis<F: Real64>(value: F) -> [F; 2] {
+    let at = value.max(F::splat(0.0)).min(F::splat(1.0)).sqrt() * (SIDE - 1) as f64;
+    let places = at.to_array();
+    let index = F::gather(|lane| (places[lane] as usize).min(SIDE - 2) as f64);
+    [index, at - index]
 }
 
 #[cfg(test)]

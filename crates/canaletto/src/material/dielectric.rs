@@ -2,16 +2,17 @@
 //! microfacets (Walter et al. 2007). Light that goes from facet to facet is given back on both sides, so that a rough
 //! boundary loses nothing, either. The whole is reciprocal.
 
-use super::bsdf::{mirrored_at, mirrored_directions};
-use super::dielectric_albedo::{DielectricAlbedo, GivenBack};
+use super::bsdf::{FacetAxes, mirrored_at, mirrored_directions};
+use super::dielectric_albedo::{DielectricAlbedo, loss_pdfs, losses_at};
 use super::fresnel::fresnel_dielectrics;
-use super::ggx::{Ggx, on_circle};
+use super::ggx::{Ggx, circle_point};
 use super::{
-    BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
+    BsdfSample, Lobe, LobeDirections, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric,
+    reflect, refract,
 };
 use crate::math::{Rgb, Vector};
-use canaletto_bvh::lanes::{LANES, LaneKernel, Mask, Real, Real64};
-use glam::{DMat3, DVec3};
+use canaletto_bvh::lanes::{LANES, Mask, Real64};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_PI;
 
@@ -94,31 +95,15 @@ impl DielectricBsdf {
 pub(crate) struct SeenDielectric {
     bsdf: DielectricBsdf,
     wo: DVec3,
-    /// The facets of a rough boundary.
-    facets: Option<BoundaryFacets>,
-}
-
-/// The facets of a rough boundary as they are seen from one direction.
-pub(crate) struct BoundaryFacets {
-    ggx: Ggx,
-    eta_ratio: f64,
-    /// The axes of the facets as columns, and the viewer's direction in them.
-    axes: DMat3,
-    wo: DVec3,
-    albedo: DielectricAlbedo,
-    /// The light that one scattering loses from the viewer's direction.
-    lost: f64,
-    /// How lost light is given back.
-    back: GivenBack,
 }
 
 /// A rough boundary in each lane, as it is seen from one direction.
-struct Boundaries<'a, F: Real64> {
-    albedo: [&'a DielectricAlbedo; LANES],
+pub(crate) struct RoughBoundaries<F: Real64> {
+    albedo: [DielectricAlbedo; LANES],
     ggx: Ggx<F>,
     eta_ratio: F,
     /// The axes of the facets, and the viewer's direction in them.
-    axes: [Vector<F>; 3],
+    axes: FacetAxes<F>,
     wo: Vector<F>,
     /// The light that one scattering loses, the share of it that is mirrored, and the losses of both sides.
     lost: F,
@@ -127,39 +112,46 @@ struct Boundaries<'a, F: Real64> {
     /// The geometric normal on the viewer's side, and where it isn't the shading normal.
     facing: Vector<F>,
     bent: F::Mask,
+    /// A bit for each lane that counts.
+    lanes: u32,
 }
 
-impl<'a, F: Real64> Boundaries<'a, F> {
-    /// The boundary that a function gives for each lane, with its facets.
+impl<F: Real64> RoughBoundaries<F> {
+    /// The boundaries that a function gives for each lane. All are rough. `lanes` has a bit for each one that counts,
+    /// and the first one does.
     #[inline(always)]
-    fn gather(of_lane: impl Fn(usize) -> (&'a DielectricBsdf, &'a BoundaryFacets)) -> Boundaries<'a, F> {
-        let facets = |lane: usize| of_lane(lane).1;
-        let frame = |lane: usize| of_lane(lane).0.frame;
-        let mut albedo = [&facets(0).albedo; LANES];
-        for (lane, of) in albedo[..F::COUNT].iter_mut().enumerate() {
-            *of = &facets(lane).albedo;
+    pub(crate) fn gather<'a>(of_lane: impl Fn(usize) -> &'a SeenDielectric, lanes: u32) -> RoughBoundaries<F> {
+        let frame = |lane: usize| &of_lane(lane).bsdf.frame;
+        let of = |lane: usize| DielectricAlbedo::new(frame(lane).eta_ratio, of_lane(lane).bsdf.alpha);
+        let mut albedo = [of(0); LANES];
+        let (mut mirrored, mut losses) = ([1.0; LANES], [[1.0; LANES]; 2]);
+        for lane in (0..F::COUNT).filter(|lane| lanes >> lane & 1 == 1) {
+            albedo[lane] = of(lane);
+            let back = albedo[lane].given_back();
+            (mirrored[lane], losses[0][lane], losses[1][lane]) = (back.mirrored, back.losses[0], back.losses[1]);
         }
-        Boundaries {
+        let wo = Vector::gather(|lane| of_lane(lane).wo);
+        let (normal, facing) = (Vector::gather(|lane| frame(lane).normal), Vector::gather(|lane| frame(lane).facing));
+        let axes = FacetAxes::isotropic(normal, facing, wo);
+        let wo = axes.local(wo);
+        RoughBoundaries {
+            ggx: Ggx::isotropic(F::gather(|lane| of_lane(lane).bsdf.alpha)),
+            eta_ratio: F::gather(|lane| frame(lane).eta_ratio),
+            axes,
+            wo,
+            lost: losses_at(&albedo, wo.z, F::Mask::splat(true), lanes),
+            mirrored: F::load(&mirrored),
+            losses: [F::load(&losses[0]), F::load(&losses[1])],
+            facing,
+            bent: !normal.equal(facing),
             albedo,
-            ggx: Ggx::isotropic(F::gather(|lane| facets(lane).ggx.alpha[0])),
-            eta_ratio: F::gather(|lane| facets(lane).eta_ratio),
-            axes: [
-                Vector::gather(|lane| facets(lane).axes.x_axis),
-                Vector::gather(|lane| facets(lane).axes.y_axis),
-                Vector::gather(|lane| facets(lane).axes.z_axis),
-            ],
-            wo: Vector::gather(|lane| facets(lane).wo),
-            lost: F::gather(|lane| facets(lane).lost),
-            mirrored: F::gather(|lane| facets(lane).back.mirrored),
-            losses: [F::gather(|lane| facets(lane).back.losses[0]), F::gather(|lane| facets(lane).back.losses[1])],
-            facing: Vector::gather(|lane| frame(lane).facing),
-            bent: F::Mask::gather(|lane| frame(lane).is_bent()),
+            lanes,
         }
     }
 
     /// f |cos θ| and the density, whose costly parts are the same.
     #[inline(always)]
-    fn eval_and_pdf(&self, wi: Vector<F>) -> (F::Narrow, F) {
+    pub(crate) fn eval_and_pdf(&self, wi: Vector<F>) -> (F::Narrow, F) {
         let one = F::splat(1.0);
         let above = F::splat(0.0).less(wi.dot(self.facing));
         let (mut f, mut pdf) = self.of_direction(wi, above);
@@ -176,24 +168,18 @@ impl<'a, F: Real64> Boundaries<'a, F> {
     /// What facets send to a direction, and the density there, if it is on the right side of them.
     #[inline(always)]
     fn of_direction(&self, wi: Vector<F>, above: F::Mask) -> (F, F) {
-        let (zero, one, [x, y, z]) = (F::splat(0.0), F::splat(1.0), self.axes);
-        let i = Vector { x: x.dot(wi), y: y.dot(wi), z: z.dot(wi) };
+        let (zero, one, i) = (F::splat(0.0), F::splat(1.0), self.axes.local(wi));
         let is_up = zero.less(i.z);
         let is_right = (is_up & above) | (!is_up & !above);
         let share = F::select(above, self.mirrored, one - self.mirrored);
         let loss = F::select(above, self.losses[0], self.losses[1]);
-        let cos = i.z.abs();
-        let (cosines, bits) = (cos.to_array(), (above.bits(), is_right.bits()));
-        let (mut lost, mut lost_pdf) = ([0.0; LANES], [0.0; LANES]);
-        for lane in (0..F::COUNT).filter(|lane| bits.1 >> lane & 1 == 1) {
-            let above = bits.0 >> lane & 1 == 1;
-            lost[lane] = self.albedo[lane].lost(cosines[lane], above);
-            lost_pdf[lane] = self.albedo[lane].lost_pdf(cosines[lane], above);
-        }
+        let (cos, lanes) = (i.z.abs(), is_right.bits() & self.lanes);
+        let lost = losses_at(&self.albedo, cos, above, lanes);
+        let lost_pdf = loss_pdfs(&self.albedo, cos, above, lanes);
         let density = self.pdf_of_facets(i);
         let single = density * self.ggx.shadowing(self.wo, i);
-        let again = self.lost * share * F::load(&lost) / loss * cos * FRAC_1_PI;
-        let pdf = density * (one - self.lost) + self.lost * share * F::load(&lost_pdf);
+        let again = self.lost * share * lost / loss * cos * FRAC_1_PI;
+        let pdf = density * (one - self.lost) + self.lost * share * lost_pdf;
         (F::select(is_right, single + again, zero), F::select(is_right, pdf, zero))
     }
 
@@ -218,40 +204,50 @@ impl<'a, F: Real64> Boundaries<'a, F> {
         let refracted = (one - mirrored) * visible * -i / (across * across);
         F::select(is_seen, F::select(above, reflected, refracted), zero)
     }
-}
 
-/// f |cos θ| and the densities of eight directions at eight rough boundaries.
-pub(crate) struct EvaluateBoundaries<'a> {
-    pub(crate) boundaries: [&'a SeenDielectric; LANES],
-    pub(crate) wi: &'a [[f64; LANES]; 3],
-}
-
-impl LaneKernel for EvaluateBoundaries<'_> {
-    type Answer = ([f32; LANES], [f64; LANES]);
-
+    /// The directions that the numbers choose: `u_lobe` of [0, 1) what happens, and `u` of the unit square the facet or
+    /// the direction of lost light.
     #[inline(always)]
-    fn run<F: Real64>(self) -> Self::Answer {
-        let EvaluateBoundaries { boundaries, wi } = self;
-        let Some(any) = boundaries.iter().find_map(|boundary| boundary.rough()) else {
-            return ([0.0; LANES], [0.0; LANES]);
-        };
-        let lanes = Boundaries::<F>::gather(|lane| boundaries[lane].rough().unwrap_or(any));
-        let (f, pdf) = lanes.eval_and_pdf(Vector::load(wi));
-        (f.to_array(), pdf.to_array())
+    pub(crate) fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F> {
+        let (zero, one, wo) = (F::splat(0.0), F::splat(1.0), self.wo);
+        let m = self.ggx.sample_visible(wo, u);
+        let cos = wo.dot(m);
+        let mut is_mirrored = ((u_lobe - self.lost) / (one - self.lost)).less(fresnel_dielectrics(cos, self.eta_ratio));
+        // (5.43) and (5.44)
+        let tangential = (m * cos - wo) * self.eta_ratio;
+        let sin2 = tangential.length_squared();
+        let refracted = tangential - m * (one - sin2).sqrt();
+        let mut local = Vector::select(is_mirrored, m * (cos * 2.0) - wo, refracted);
+        let mut is_valid = is_mirrored | sin2.less(one);
+        let is_lost = u_lobe.less(self.lost);
+        let lost = is_lost.bits() & self.lanes;
+        if lost != 0 {
+            let stays = u_lobe.less(self.lost * self.mirrored);
+            let (numbers, stay) = (u[1].to_array(), stays.bits());
+            let mut cosines = [0.0; LANES];
+            for lane in (0..F::COUNT).filter(|lane| lost >> lane & 1 == 1) {
+                cosines[lane] = self.albedo[lane].sample_lost(numbers[lane], stay >> lane & 1 == 1);
+            }
+            let (z, [x, y]) = (F::load(&cosines), circle_point(u[0]));
+            let across = (one - z * z).max(zero).sqrt();
+            let given_back = Vector { x: x * across, y: y * across, z: F::select(stays, z, -z) };
+            local = Vector::select(is_lost, given_back, local);
+            is_mirrored = (is_lost & stays) | (!is_lost & is_mirrored);
+            is_valid = is_valid | is_lost;
+        }
+        let is_up = zero.less(local.z);
+        is_valid = is_valid & ((is_up & is_mirrored) | (!is_up & !is_mirrored));
+        let wi = self.axes.world(local).normalized();
+        let above = zero.less(wi.dot(self.facing));
+        let is_right = (above & is_mirrored) | (!above & !is_mirrored);
+        let wi = Vector::select(is_right, wi, mirrored_directions(self.facing, wi));
+        LobeDirections { wi, is_valid, is_mirrored }
     }
 }
 
 impl SeenDielectric {
     pub(super) fn new(bsdf: DielectricBsdf, wo: DVec3) -> SeenDielectric {
-        let facets = (!bsdf.is_delta()).then(|| {
-            let axes = bsdf.frame.facet_axes(wo);
-            let local = axes.transpose() * wo;
-            let (ggx, eta_ratio) = (Ggx::isotropic(bsdf.alpha), bsdf.frame.eta_ratio);
-            let albedo = DielectricAlbedo::new(eta_ratio, bsdf.alpha);
-            let (lost, back) = (albedo.lost(local.z, true), albedo.given_back());
-            BoundaryFacets { ggx, eta_ratio, axes, wo: local, albedo, lost, back }
-        });
-        SeenDielectric { bsdf, wo, facets }
+        SeenDielectric { bsdf, wo }
     }
 
     /// Whether both sides have one η, so that nothing is mirrored or bent.
@@ -261,7 +257,7 @@ impl SeenDielectric {
 
     /// What passes in one direction.
     pub(super) fn specular_transmission(&self) -> SpecularTransmission {
-        if self.facets.is_some() {
+        if self.is_rough() {
             return SpecularTransmission::NONE;
         }
         let (frame, is_straight) = (&self.bsdf.frame, self.is_index_matched());
@@ -271,55 +267,33 @@ impl SeenDielectric {
         SpecularTransmission { share: Rgb::gray(passed as f32), is_straight }
     }
 
-    /// A rough boundary with its facets.
+    /// Whether facets scatter light to all sides.
     #[inline]
-    pub(crate) fn rough(&self) -> Option<(&DielectricBsdf, &BoundaryFacets)> {
-        Some((&self.bsdf, self.facets.as_ref()?))
+    pub(super) fn is_rough(&self) -> bool {
+        !self.bsdf.is_delta()
     }
 
     /// f |cos θ| and the density.
     pub(super) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
-        let Some(rough) = self.rough() else { return (Rgb::BLACK, 0.0) };
-        let (f, pdf) = Boundaries::<f64>::gather(|_| rough).eval_and_pdf(wi.into());
+        if !self.is_rough() {
+            return (Rgb::BLACK, 0.0);
+        }
+        let (f, pdf) = RoughBoundaries::<f64>::gather(|_| self, 1).eval_and_pdf(wi.into());
         (Rgb::gray(f), pdf)
     }
 
     pub(super) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let wo = self.wo;
         if self.is_index_matched() {
-            return Some(BsdfSample { wi: -wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
+            return Some(BsdfSample { wi: -self.wo, f: Rgb::WHITE, pdf: 1.0, lobe: Lobe::Refraction, is_delta: true });
         }
-        let Some(facets) = &self.facets else { return self.bsdf.smooth(wo, u_lobe) };
-        let (wi, lobe) = self.direction(facets, u_lobe, u)?;
-        let (f, pdf) = self.eval_and_pdf(wi);
-        (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
-    }
-
-    /// The direction at a rough boundary that the numbers choose, and its lobe.
-    pub(crate) fn rough_direction(&self, u_lobe: f64, u: [f64; 2]) -> Option<(DVec3, Lobe)> {
-        self.direction(self.facets.as_ref()?, u_lobe, u)
-    }
-
-    fn direction(&self, facets: &BoundaryFacets, u_lobe: f64, u: [f64; 2]) -> Option<(DVec3, Lobe)> {
-        let ratio = self.bsdf.frame.eta_ratio;
-        let BoundaryFacets { ggx, wo: o, albedo, lost, back, .. } = facets;
-        // The lobe of lost light, or a facet.
-        let (is_mirrored, i) = if u_lobe < *lost {
-            let is_mirrored = u_lobe < lost * back.mirrored;
-            let cos = albedo.sample_lost(u[1], is_mirrored);
-            let z = if is_mirrored { cos } else { -cos };
-            (is_mirrored, (on_circle(u[0]) * (1.0 - cos * cos).max(0.0).sqrt()).extend(z))
-        } else {
-            let m = DVec3::from(ggx.sample_visible(*o, u));
-            let is_mirrored = (u_lobe - lost) / (1.0 - lost) < fresnel_dielectric(o.dot(m), ratio);
-            (is_mirrored, if is_mirrored { reflect(*o, m) } else { refract(*o, m, ratio)? })
-        };
-        if (i.z > 0.0) != is_mirrored {
-            return None;
+        if !self.is_rough() {
+            return self.bsdf.smooth(self.wo, u_lobe);
         }
-        let (wi, facing) = ((facets.axes * i).normalize(), self.bsdf.frame.facing);
-        let wi = if (wi.dot(facing) > 0.0) == is_mirrored { wi } else { mirrored_at(facing, wi) };
-        Some((wi, if is_mirrored { Lobe::Mirror } else { Lobe::Refraction }))
+        let boundary = RoughBoundaries::<f64>::gather(|_| self, 1);
+        let LobeDirections { wi, is_valid, is_mirrored } = boundary.directions(u_lobe, u);
+        let (f, pdf) = boundary.eval_and_pdf(wi);
+        let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Refraction };
+        (is_valid && pdf > 0.0).then(|| BsdfSample { wi: wi.into(), f: Rgb::gray(f), pdf, lobe, is_delta: false })
     }
 }
 

@@ -15,6 +15,7 @@
 
 use super::fresnel_dielectric;
 use super::ggx::{Ggx, on_circle};
+use canaletto_bvh::lanes::{LANES, Mask, Real64};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -67,40 +68,74 @@ struct Row {
 
 /// The cosine of the critical angle on a side of a boundary: 0 on the thinner one.
 fn critical(eta: f64, is_denser: bool) -> f64 {
-    if is_denser { (1.0 - 1.0 / (eta * eta)).max(0.0).sqrt() } else { 0.0 }
+    criticals(eta, is_denser)
 }
 
 /// The half of the columns, and the place within it from 0 at the critical angle to 1. It is the mean of places that
 /// change most near the critical angle, near grazing, and evenly or as Fresnel's share does.
 fn column_place(cos: f64, critical: f64, alpha: f64) -> (usize, f64) {
-    if cos < critical {
-        (0, (near(critical - cos, critical, alpha) + 1.0 - near(cos, critical, alpha) + 1.0 - cos / critical) / 3.0)
-    } else {
-        let (from, most) = (cos - critical, 1.0 - critical);
-        (1, 0.5 * (near(from, most, alpha) + (from / most).sqrt()))
+    (usize::from(cos >= critical), column_places(cos, critical, alpha))
+}
+
+/// The place in the half of the columns in each lane. That is the second half unless the cosine is below the critical
+/// angle's.
+#[inline(always)]
+fn column_places<F: Real64>(cos: F, critical: F, alpha: F) -> F {
+    let one = F::splat(1.0);
+    let (from, most) = (cos - critical, one - critical);
+    let upper = (near(from, most, alpha) + (from / most).sqrt()) * 0.5;
+    let is_lower = cos.less(critical);
+    if !is_lower.any() {
+        return upper;
     }
+    let towards_critical = near(critical - cos, critical, alpha) + one;
+    F::select(is_lower, (towards_critical - near(cos, critical, alpha) + one - cos / critical) / 3.0, upper)
+}
+
+/// The width within which [`near`] changes most.
+#[inline(always)]
+fn width<F: Real64>(alpha: F) -> F {
+    alpha / (alpha * 8.0 + F::splat(1.0))
 }
 
 /// A function from 0 to 1 over 0 to `most` that changes most within about α of 0.
-fn near(from: f64, most: f64, alpha: f64) -> f64 {
-    let width = alpha / (1.0 + 8.0 * alpha);
+#[inline(always)]
+fn near<F: Real64>(from: F, most: F, alpha: F) -> F {
+    let width = width(alpha);
     from / (from + width) * (most + width) / most
 }
 
 /// The change of [`near`] with `from`.
-fn slope_near(from: f64, most: f64, alpha: f64) -> f64 {
-    let width = alpha / (1.0 + 8.0 * alpha);
+#[inline(always)]
+fn slope_near<F: Real64>(from: F, most: F, alpha: F) -> F {
+    let width = width(alpha);
     width / ((from + width) * (from + width)) * (most + width) / most
 }
 
 /// The change of [`column_place`] with the cosine.
 fn place_slope(cos: f64, critical: f64, alpha: f64) -> f64 {
-    if cos < critical {
-        (slope_near(critical - cos, critical, alpha) + slope_near(cos, critical, alpha) + 1.0 / critical) / 3.0
-    } else {
-        let (from, most) = ((cos - critical).max(1e-12), 1.0 - critical);
-        0.5 * (slope_near(from, most, alpha) + 0.5 / (from * most).sqrt())
+    place_slopes(cos, critical, alpha)
+}
+
+/// [`place_slope`] in each lane.
+#[inline(always)]
+fn place_slopes<F: Real64>(cos: F, critical: F, alpha: F) -> F {
+    let one = F::splat(1.0);
+    let (from, most) = ((cos - critical).max(F::splat(1e-12)), one - critical);
+    let upper = (slope_near(from, most, alpha) + F::splat(0.5) / (from * most).sqrt()) * 0.5;
+    let is_lower = cos.less(critical);
+    if !is_lower.any() {
+        return upper;
     }
+    let near_critical = slope_near(critical - cos, critical, alpha);
+    F::select(is_lower, (near_critical + slope_near(cos, critical, alpha) + one / critical) / 3.0, upper)
+}
+
+/// The cosine of the critical angle in each lane, 0 on the thinner side.
+#[inline(always)]
+fn criticals<F: Real64>(eta: F, is_denser: F::Mask) -> F {
+    let (zero, one) = (F::splat(0.0), F::splat(1.0));
+    F::select(is_denser, (one - one / (eta * eta)).max(zero).sqrt(), zero)
 }
 
 /// The cosine at a place in a half of the columns, the inverse of [`column_place`]: by Newton's steps, and by halves
@@ -278,8 +313,11 @@ impl DielectricAlbedo {
     /// What one scattering keeps at the cosine of an angle, on the viewer's side or on the other one.
     pub(super) fn kept(&self, cos: f64, viewers_side: bool) -> Kept {
         let is_denser = self.is_denser == viewers_side;
-        let critical = critical(self.eta, is_denser);
-        let place = column_place(cos, critical, self.alpha);
+        self.kept_at(is_denser, column_place(cos, critical(self.eta, is_denser), self.alpha))
+    }
+
+    /// What one scattering keeps on a side, at a place of a half of the columns.
+    fn kept_at(&self, is_denser: bool, place: (usize, f64)) -> Kept {
         let mut sum = Kept::default();
         for (row, share) in self.rows.iter().flatten() {
             let kept = row.sides[usize::from(is_denser)].kept(place);
@@ -287,11 +325,6 @@ impl DielectricAlbedo {
             sum.refracted += kept.refracted * share;
         }
         sum
-    }
-
-    /// What one scattering loses.
-    pub(super) fn lost(&self, cos: f64, viewers_side: bool) -> f64 {
-        (1.0 - self.kept(cos, viewers_side).total()).max(0.0)
     }
 
     /// How the lost light is given back.
@@ -338,16 +371,56 @@ impl DielectricAlbedo {
         let (half, place) = (last.0 / COLUMNS, ((last.0 % COLUMNS) as f64 + last.1) / (COLUMNS - 1) as f64);
         cosine_at(half, place, critical(self.eta, is_denser), self.alpha)
     }
+}
 
-    /// The density of [`DielectricAlbedo::sample_lost`]'s directions per unit of solid angle.
-    pub(super) fn lost_pdf(&self, cos: f64, viewers_side: bool) -> f64 {
-        let is_denser = self.is_denser == viewers_side;
-        let critical = critical(self.eta, is_denser);
-        let (half, place) = column_place(cos, critical, self.alpha);
-        let column = ((place * (COLUMNS - 1) as f64) as usize).min(COLUMNS - 2);
-        let [part, sum] = self.part(is_denser, half * COLUMNS + column);
-        part / sum * (COLUMNS - 1) as f64 * place_slope(cos, critical, self.alpha) / TAU
+/// The places of cosines among the columns of boundaries.
+struct Places<F> {
+    critical: F,
+    alpha: F,
+    place: F,
+    /// A bit for each lane on the denser side, and for each in the second half of the columns.
+    denser: u32,
+    upper: u32,
+}
+
+impl<F: Real64> Places<F> {
+    /// The places on the viewers' sides in the lanes of a mask, and on the other sides elsewhere.
+    #[inline(always)]
+    fn new(of: &[DielectricAlbedo; LANES], cos: F, viewers_side: F::Mask) -> Places<F> {
+        let viewer_is_denser = F::Mask::gather(|lane| of[lane].is_denser);
+        let is_denser = (viewer_is_denser & viewers_side) | (!viewer_is_denser & !viewers_side);
+        let critical = criticals(F::gather(|lane| of[lane].eta), is_denser);
+        let alpha = F::gather(|lane| of[lane].alpha);
+        let (denser, upper) = (is_denser.bits(), (!cos.less(critical)).bits());
+        Places { critical, alpha, place: column_places(cos, critical, alpha), denser, upper }
     }
+}
+
+/// What one scattering loses at the cosines of angles, on the viewers' sides in the lanes of a mask. It is 0 in lanes
+/// without a bit.
+#[inline(always)]
+pub(super) fn losses_at<F: Real64>(of: &[DielectricAlbedo; LANES], cos: F, viewers_side: F::Mask, lanes: u32) -> F {
+    let Places { place, denser, upper, .. } = Places::new(of, cos, viewers_side);
+    let (places, mut lost) = (place.to_array(), [0.0; LANES]);
+    for lane in (0..F::COUNT).filter(|lane| lanes >> lane & 1 == 1) {
+        let place = ((upper >> lane & 1) as usize, places[lane]);
+        lost[lane] = (1.0 - of[lane].kept_at(denser >> lane & 1 == 1, place).total()).max(0.0);
+    }
+    F::load(&lost)
+}
+
+/// The density of [`DielectricAlbedo::sample_lost`]'s directions per unit of solid angle in the same lanes.
+#[inline(always)]
+pub(super) fn loss_pdfs<F: Real64>(of: &[DielectricAlbedo; LANES], cos: F, viewers_side: F::Mask, lanes: u32) -> F {
+    let Places { critical, alpha, place, denser, upper } = Places::new(of, cos, viewers_side);
+    let (places, mut share) = (place.to_array(), [0.0; LANES]);
+    for lane in (0..F::COUNT).filter(|lane| lanes >> lane & 1 == 1) {
+        let column = ((places[lane] * (COLUMNS - 1) as f64) as usize).min(COLUMNS - 2);
+        let half = (upper >> lane & 1) as usize;
+        let [part, sum] = of[lane].part(denser >> lane & 1 == 1, half * COLUMNS + column);
+        share[lane] = part / sum;
+    }
+    F::load(&share) * (COLUMNS - 1) as f64 * place_slopes(cos, critical, alpha) / TAU
 }
 
 /// How lost light is given back.

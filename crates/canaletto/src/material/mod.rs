@@ -27,12 +27,12 @@ mod tests;
 mod texture_use;
 
 pub use bsdf::{Bsdf, BsdfSample, Lobe, ScatteringFrame};
-pub(crate) use bsdf::{SeenBsdf, SpecularTransmission, isotropic_axes};
+pub(crate) use bsdf::{FacetAxes, LobeDirections, SeenBsdf, SpecularTransmission};
 pub use bump::{apply_bump, apply_normal_map, clamp_to_hemisphere};
 pub use conductor::{Conductor, ConductorBsdf, METALS};
 pub(crate) use conductor::{ConductorPoint, MetalFacets};
 pub use dielectric::{Dielectric, DielectricBsdf};
-pub(crate) use dielectric::{EvaluateBoundaries, SeenDielectric};
+pub(crate) use dielectric::{RoughBoundaries, SeenDielectric};
 pub use diffuse_bsdf::DiffuseBsdf;
 pub(crate) use diffuse_bsdf::{diffuse_direction, diffuse_pdf, diffuse_share};
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
@@ -47,6 +47,7 @@ pub use phong_bsdf::PhongBsdf;
 pub use point::MaterialPoint;
 pub use prepared::PreparedMaterial;
 pub use refract::{reflect, refract};
+pub(crate) use standard::{BaseNumbers, OpaqueBase, OpaqueBaseLobes};
 pub use standard::{
     PRESETS, Preset, StandardBase, StandardBlock, StandardBsdf, StandardCoat, StandardEmission, StandardFuzz,
     StandardParameter, StandardSpecular, StandardSubsurface, StandardSurface, StandardTarget, StandardThinFilm,

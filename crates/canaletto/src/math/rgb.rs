@@ -96,6 +96,18 @@ pub(crate) fn saturated<F: Real32>(v: F) -> F {
     F::select(most.less(v), most, v)
 }
 
+impl Rgb {
+    /// The colour that a function gives for each lane.
+    #[inline(always)]
+    pub(crate) fn gather<F: Real32>(of_lane: impl Fn(usize) -> Rgb) -> Vector<F> {
+        Vector {
+            x: F::gather(|lane| of_lane(lane).r),
+            y: F::gather(|lane| of_lane(lane).g),
+            z: F::gather(|lane| of_lane(lane).b),
+        }
+    }
+}
+
 impl From<Rgb> for Vector<f32> {
     #[inline(always)]
     fn from(c: Rgb) -> Vector<f32> {

@@ -99,6 +99,12 @@ impl<F: Real> Vector<F> {
         Vector { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }
     }
 
+    /// Where all components are equal.
+    #[inline(always)]
+    pub(crate) fn equal(self, other: Self) -> F::Mask {
+        self.x.equal(other.x) & self.y.equal(other.y) & self.z.equal(other.z)
+    }
+
     /// Where all components are zero.
     #[inline(always)]
     pub(crate) fn is_zero(self) -> F::Mask {

@@ -111,7 +111,7 @@ impl PathTracer<'_> {
                 let emitter = &self.lights.emitters.all[number as usize];
                 let sample = emitter.sample_from(self.world, self.time, to.point, u)?;
                 let EmitterSample { point, wi, radiance, pdf } = sample;
-                let (pdf, t_max) = (pdf * chosen, PAST_EMITTER);
+                let (pdf, t_max) = (pdf * chosen, emitter.shadow_end());
                 SourcePoint { wi, position: Some(point), radiance, pdf, t_max, is_point_light: false }
             }
             Source::Environment => {
@@ -142,27 +142,27 @@ impl PathTracer<'_> {
         if shadow.t_max < 0.0 {
             return Rgb::WHITE;
         }
-        match shadow.source {
-            Source::Light(_) => {
-                let occlusion = self.world.occlusion(&shadow.ray, shadow.t_max, self.time, &mut self.occluder);
-                self.visible_past(shadow, occlusion)
-            }
-            Source::Emitter(_) | Source::Environment => {
-                let hit = self.world.intersect_at(&shadow.ray, shadow.t_max, self.time);
-                self.visible_at(shadow, hit)
-            }
+        if self.lights.is_hidden_by_any(shadow.source) {
+            let occlusion = self.world.occlusion(&shadow.ray, shadow.t_max, self.time, &mut self.occluder);
+            self.visible_past(shadow, occlusion)
+        } else {
+            let hit = self.world.intersect_at(&shadow.ray, shadow.t_max, self.time);
+            self.visible_at(shadow, hit)
         }
     }
 
-    /// The share of the light of a light that no ray hits, past what lies between.
+    /// The share of the light of a source that [any hit hides](LightSampler::is_hidden_by_any), past what lies between.
     pub(super) fn visible_past(&mut self, shadow: &ShadowRay, occlusion: Occlusion) -> Rgb {
         if shadow.t_max < 0.0 {
             return Rgb::WHITE;
         }
+        let is_light = matches!(shadow.source, Source::Light(_));
         let passed = match occlusion {
             Occlusion::Opaque => Rgb::BLACK,
             // Bodies that cast no shadow may be filled with a medium.
-            Occlusion::Nothing if !self.has_media => Rgb::WHITE,
+            Occlusion::Nothing if is_light && !self.has_media => Rgb::WHITE,
+            Occlusion::Nothing if !is_light && (!self.sees_through || shadow.inside == [NONE; 2]) => Rgb::WHITE,
+            Occlusion::Clear if !is_light && !self.sees_through => Rgb::BLACK,
             Occlusion::Nothing | Occlusion::Clear => return self.visible_through(shadow),
         };
         self.counts.shadow.traced += 1;
@@ -170,7 +170,7 @@ impl PathTracer<'_> {
         passed
     }
 
-    /// The share of the light of an emitter or of the environment, by the first hit of its shadow ray. It is white or
+    /// The share of the light of another source, by the first hit of its shadow ray. It is white or
     /// black, unless the ray begins in a body, or something that lets light through is hit first.
     pub(super) fn visible_at(&mut self, shadow: &ShadowRay, hit: Option<Hit>) -> Rgb {
         let is_opaque = |hit: Hit| self.world.material(&hit).is_opaque();

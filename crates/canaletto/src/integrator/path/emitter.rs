@@ -2,6 +2,7 @@
 
 mod lanes;
 
+use super::direct::PAST_EMITTER;
 use super::light_sampler::strength;
 use super::light_tree::{ClusterBounds, NormalCone};
 use crate::light::attenuation_divisor;
@@ -9,10 +10,13 @@ use crate::material::MaterialPoint;
 use crate::math::{DRay, Rgb, Transform};
 use crate::shape::{Parallelogram, SurfaceSampler};
 use crate::world::{Hit, PlacedGeometry, Primitives, World};
-use canaletto_bvh::Ray;
-use glam::{DVec3, Vec3};
+use canaletto_bvh::{Aabb, Ray};
+use glam::{BVec3, DVec3, Vec3};
 pub(super) use lanes::LaneEmitters;
 use std::f64::consts::FRAC_PI_2;
+
+/// The most boxes that are compared to find isolated emitters. More are those of large meshes with many emitters.
+const MOST_COMPARED: u32 = 1 << 22;
 
 /// How far two triangles may be from a parallelogram, as a share of its size, to be sampled as one.
 const ONE_SURFACE: f32 = 1e-6;
@@ -27,12 +31,15 @@ pub(super) struct Emitter {
     of: [u32; 2],
     /// The number of primitives, which follow each other.
     primitives: u32,
+    material: u32,
     /// The radiance that leaves the outer side; none if textures change it.
     radiance: Option<Rgb>,
     two_sided: bool,
     /// The coefficients c, l, q of the attenuation by distance; none for surfaces that aren't lights.
     attenuation: Option<[f32; 3]>,
     bounds: ClusterBounds,
+    /// Whether nothing else comes so near that a shadow ray could hit it within [`PAST_EMITTER`] of a point.
+    pub(super) is_isolated: bool,
 }
 
 /// The space of a sampler.
@@ -73,7 +80,42 @@ impl Emitters {
         for number in world.geometries_with_material(emits) {
             emitters.add(world, number, &emits, radius);
         }
+        if !world.moves() && world.all_cast_shadows() && world.unbounded_shapes().next().is_none() {
+            emitters.isolate(world, radius);
+        }
         emitters
+    }
+
+    /// Finds the emitters that nothing else comes near, as long as few boxes are to be compared.
+    fn isolate(&mut self, world: &World, radius: f64) {
+        // No point is farther from a point of the scene than twice the radius; half as far is left for roundings.
+        let margin = (3.0 * radius * f64::from(PAST_EMITTER - 1.0)) as f32;
+        let mut compared = 0;
+        for emitter in &mut self.all {
+            let ClusterBounds { min, max, .. } = emitter.bounds;
+            let near = Aabb { min: min.as_vec3() - margin, max: max.as_vec3() + margin };
+            let mut is_isolated = world.materials()[emitter.material as usize].is_opaque();
+            for number in 0..world.placed_geometry_count() {
+                compared += 1;
+                if !is_isolated || compared > MOST_COMPARED {
+                    break;
+                }
+                if !overlap(&near, &world.placed_bounds(number)) {
+                    continue;
+                }
+                let placed = world.placed_geometry(number, 0.0);
+                let own =
+                    if number == emitter.of[0] { emitter.of[1]..emitter.of[1] + emitter.primitives } else { 0..0 };
+                for primitive in (0..placed.primitives.len() as u32).filter(|primitive| !own.contains(primitive)) {
+                    compared += 1;
+                    is_isolated &= compared <= MOST_COMPARED && !overlap(&near, &primitive_bounds(&placed, primitive));
+                    if !is_isolated {
+                        break;
+                    }
+                }
+            }
+            emitter.is_isolated = is_isolated && compared <= MOST_COMPARED;
+        }
     }
 
     fn add(&mut self, world: &World, number: u32, emits: &impl Fn(u32) -> bool, radius: f64) {
@@ -128,6 +170,28 @@ impl Emitters {
     }
 }
 
+fn overlap(a: &Aabb, b: &Aabb) -> bool {
+    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
+}
+
+/// A box around a primitive in the world; an infinite one if it has no bounds.
+fn primitive_bounds(placed: &PlacedGeometry, primitive: u32) -> Aabb {
+    let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    let to_world = placed.to_world.as_ref();
+    if let Some(corners) = triangle(&placed.primitives, primitive) {
+        let [a, b, c] = world_corners(corners, to_world);
+        return Aabb { min: a.min(b).min(c), max: a.max(b).max(c) };
+    }
+    let bounds = placed.primitives.shape(primitive).and_then(|(shape, _)| shape.bounds()).unwrap_or(everywhere);
+    let Some(to_world) = to_world else { return bounds };
+    let corner = |i: u32| {
+        let at = Vec3::select(BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), bounds.min, bounds.max);
+        to_world.point(at.as_dvec3()).as_vec3()
+    };
+    let none = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+    (0..8).map(corner).fold(none, |all, p| Aabb { min: all.min.min(p), max: all.max.max(p) })
+}
+
 /// The corners of a primitive that is a triangle, in its own space.
 fn triangle(primitives: &Primitives, primitive: u32) -> Option<[Vec3; 3]> {
     match primitives {
@@ -174,6 +238,13 @@ fn solid_angle_ratio(to_world: &Transform, w: DVec3) -> f64 {
 }
 
 impl Emitter {
+    /// The end of a shadow ray to a sampled point, whose distance it is measured in: past the point, or before it if
+    /// only what hides the emitter can be hit before.
+    #[inline]
+    pub(super) fn shadow_end(&self) -> f32 {
+        if self.is_isolated { 2.0 - PAST_EMITTER } else { PAST_EMITTER }
+    }
+
     /// The number of the placed geometry and the first primitive.
     pub(super) fn first_primitive(&self) -> [u32; 2] {
         self.of
@@ -229,6 +300,8 @@ impl Emitter {
             place,
             of,
             primitives,
+            material,
+            is_isolated: false,
             radiance: description.textures.is_empty().then(|| seen_emission(point, true)),
             two_sided: description.two_sided,
             attenuation: attenuation.filter(|coefficients| *coefficients != [1.0, 0.0, 0.0]),

@@ -83,6 +83,8 @@ pub(super) struct LightSampler {
     pub(super) environment: Option<EnvironmentDistribution>,
     /// The number of the light that is the environment's sun.
     pub(super) sun: Option<u32>,
+    /// Whether any hit on the way hides the environment.
+    pub(super) environment_is_hidden_by_any: bool,
     /// The only group, which is chosen without a look at it.
     only_group: Option<usize>,
     /// The only source, too.
@@ -207,7 +209,18 @@ impl LightSampler {
         // The environment's sun is the last light.
         let has_sun = world.environment.as_ref().is_some_and(|environment| environment.sun_is_light());
         let sun = has_sun.then(|| world.lights.len() as u32 - 1);
-        LightSampler { trees, far, emitters, environment, sun, only_group, only }
+        let environment_is_hidden_by_any = environment.is_some() && world.all_cast_shadows();
+        LightSampler { trees, far, emitters, environment, sun, environment_is_hidden_by_any, only_group, only }
+    }
+
+    /// Whether any hit before the end of a shadow ray hides its source. Otherwise the nearest hit tells.
+    #[inline]
+    pub(super) fn is_hidden_by_any(&self, source: Source) -> bool {
+        match source {
+            Source::Light(_) => true,
+            Source::Emitter(number) => self.emitters.all[number as usize].is_isolated,
+            Source::Environment => self.environment_is_hidden_by_any,
+        }
     }
 
     /// The cosine of a light that is infinitely far. `direction` leads to it.

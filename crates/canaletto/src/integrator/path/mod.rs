@@ -131,6 +131,7 @@ impl PreparedRayIntegrator for PreparedPath {
             lights: &self.lights,
             opaque: &self.opaque,
             guide: self.guide.as_deref(),
+            moves: world.moves(),
             has_media: self.has_media,
             sees_through: self.sees_through,
             backdrop: world.backdrop,
@@ -170,6 +171,8 @@ pub(crate) struct PathTracer<'w> {
     lights: &'w LightSampler,
     opaque: &'w OpaqueMaterials,
     guide: Option<&'w GuidingField>,
+    /// Whether anything moves while the shutter is open.
+    moves: bool,
     /// Whether bodies absorb or scatter light.
     has_media: bool,
     /// Whether shadow rays to all sources pass surfaces: partial coverage, and what light passes straight on.
@@ -205,9 +208,10 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Goes to a time from 0 (the shutter opens) to 1 (it closes).
+    /// Goes to a time from 0 (the shutter opens) to 1 (it closes), which is 0 for all paths where nothing moves.
+    #[inline(always)]
     fn set_time(&mut self, time: f32) {
-        if time != self.time {
+        if self.moves && time != self.time {
             self.time = time;
             self.world.move_lights(&mut self.moved_lights, time);
         }

@@ -4,32 +4,36 @@
 //! [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Random numbers, points of sources,
 //! weights and rays are computed for all eight at once.
 //!
-//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones and those of rough metals have
-//! queues of their own, and don't go through [`PathTracer::arrive`]. Their surfaces and their scattering are computed
-//! for all eight at once, too. So is the scattering of rough boundaries of clear bodies. That of others is evaluated
-//! one by one.
+//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones, those of rough metals and of
+//! standard surfaces without layers over their base have queues of their own, and don't go through
+//! [`PathTracer::arrive`]. Their surfaces and their scattering are computed for all eight at once, too. So is the
+//! scattering of rough boundaries of clear bodies. That of others is evaluated one by one.
 
 mod any_surface;
+mod boundaries;
 mod kernels;
 mod scattering;
 
 use super::PathTracer;
 use super::direct::ShadowRay;
 use super::source_points::SourceInputs;
-use super::stream::PathShadow;
+use super::stream::{PathShadow, Wave};
 use super::trace::{Path, ROULETTE_AFTER, uses};
 use super::vertex::SurfaceVertex;
 use crate::integrator::media::NONE;
-use crate::material::{BsdfSample, ConductorPoint, MaterialModel, MaterialPoint, Parameter, PreparedMaterial, Target};
+use crate::material::{
+    BsdfSample, ConductorPoint, MaterialModel, MaterialPoint, OpaqueBase, Parameter, PreparedMaterial, Target,
+};
 use crate::math::{DRay, Rgb};
 use crate::sampler::{Dimension, Samples8};
 use crate::shape::{SURFACES, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_vec3, vec3};
 use crate::world::{Hit, World};
 use any_surface::AnySurfaces;
+use boundaries::Boundaries;
 use canaletto_bvh::lanes::run_lanes;
 use canaletto_bvh::{InstructionSet, Ray};
 use kernels::{Arrive, Scatter};
-use scattering::{Diffuse, Materials8, Metals, Scattering8};
+use scattering::{Diffuse, Materials8, Metals, OpaqueBases, Scattering8};
 
 /// The number of vertices side by side.
 const LANES: usize = SURFACES;
@@ -57,6 +61,8 @@ enum OpaqueKind {
     Diffuse(Rgb),
     /// A rough metal.
     Metal(ConductorPoint),
+    /// A standard surface that is an opaque base alone, with its numbers, unless a texture or a surface sets any.
+    Base(OpaqueBase),
 }
 
 impl OpaqueMaterials {
@@ -67,15 +73,11 @@ impl OpaqueMaterials {
 
 impl OpaqueMaterial {
     fn new(material: &PreparedMaterial) -> Option<OpaqueMaterial> {
-        let is_harmless = |target: Target| match target {
-            Target::Parameter(parameter) => parameter == Parameter::Diffuse,
-            Target::Bump | Target::Normal { .. } | Target::Displace { .. } => true,
-            Target::Replace
-            | Target::Decal
-            | Target::Cutout
-            | Target::Standard(_)
-            | Target::CoatNormal { .. }
-            | Target::AnisotropyDirection => false,
+        let is_harmless = |target: Target| match (&material.model, target) {
+            (MaterialModel::Standard(_), _) => OpaqueBase::keeps(target),
+            (_, Target::Parameter(parameter)) => parameter == Parameter::Diffuse,
+            (_, Target::Bump | Target::Normal { .. } | Target::Displace { .. }) => true,
+            _ => false,
         };
         if material.coverage <= 0.0
             || !material.is_opaque()
@@ -92,6 +94,13 @@ impl OpaqueMaterial {
                     return None;
                 }
                 OpaqueKind::Metal(point)
+            }
+            MaterialModel::Standard(surface) if OpaqueBase::is_all_of(surface) => {
+                let base = OpaqueBase::new(surface, material.plain().classic.roughness);
+                if base.alpha == 0.0 && material.is_plain() {
+                    return None;
+                }
+                OpaqueKind::Base(base)
             }
             _ => return None,
         };
@@ -110,9 +119,15 @@ fn diffuse_color(point: &MaterialPoint) -> Option<Rgb> {
 pub(super) struct VertexQueues {
     diffuse: Queue<Diffuse>,
     metals: Queue<Metals>,
-    /// Rough boundaries of clear bodies, and all others.
-    boundaries: Queue<AnySurfaces>,
+    bases: Queue<OpaqueBases>,
+    boundaries: Queue<Boundaries>,
+    /// All others.
     others: Queue<AnySurfaces>,
+}
+
+/// Vertices that [`PathTracer::arrive`] comes to.
+trait SurfaceVertices: Materials8 {
+    fn push(&mut self, vertex: SurfaceVertex);
 }
 
 /// Up to eight vertices whose surfaces are known and that wait for the rest.
@@ -153,9 +168,7 @@ impl<M> Queue<M> {
         path.place = path.place.of(uses::NEXT);
         self.inputs.set_line(lane, path.line());
         if is_textured {
-            let mut surface = world.surface_without_uv(*path.line(), hit);
-            let step = path.step(&surface);
-            let point = world.textured(*path.line(), hit, &mut surface, step, &mut ());
+            let (surface, point) = world.textured_physics(*path.line(), hit, |surface| path.step(surface));
             self.surfaces.set(lane, &surface);
             return Some(point);
         }
@@ -166,7 +179,7 @@ impl<M> Queue<M> {
 
 impl PathTracer<'_> {
     /// Adds a path's hit to those that are shaded eight at a time without [`PathTracer::arrive`], if it is one of them.
-    /// Shades its kind if there are eight now; `end` then gets the numbers of the paths that end.
+    /// Shades its kind if there are eight now; `next` then gets the paths that go on.
     #[inline]
     pub(super) fn push_opaque(
         &mut self,
@@ -174,48 +187,77 @@ impl PathTracer<'_> {
         (number, hit): (u32, &Hit),
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
-        end: impl FnMut(u32),
+        next: &mut Wave,
     ) -> bool {
         let path = &mut paths[number as usize];
         if !path.is_outside() || self.settings.max_depth != 0 && path.depth > self.settings.max_depth {
             return false;
         }
         let Some(material) = &self.opaque.0[self.world.material_index(hit) as usize] else { return false };
-        self.count_hit(path);
         match &material.kind {
             OpaqueKind::Diffuse(kd) => {
                 let lane = queues.diffuse.len;
                 let point = queues.diffuse.push(self.world, (number, path), hit, material.is_textured);
                 let kd = point.map_or(*kd, |point| diffuse_color(&point).unwrap_or_default());
                 set_vec3(&mut queues.diffuse.materials.kd, lane, kd.to_array().into());
+                self.count_hit(path);
                 if lane + 1 == LANES {
-                    self.scatter_eight(&mut queues.diffuse, paths, shadows, end);
+                    self.scatter_eight(&mut queues.diffuse, paths, shadows, next);
                 }
             }
             OpaqueKind::Metal(metal) => {
                 let lane = queues.metals.len;
                 queues.metals.push(self.world, (number, path), hit, material.is_textured);
                 queues.metals.materials.points[lane] = *metal;
+                self.count_hit(path);
                 if lane + 1 == LANES {
-                    self.scatter_eight(&mut queues.metals, paths, shadows, end);
+                    self.scatter_eight(&mut queues.metals, paths, shadows, next);
+                }
+            }
+            OpaqueKind::Base(base) => {
+                let (lane, place) = (queues.bases.len, path.place);
+                let point = queues.bases.push(self.world, (number, path), hit, material.is_textured);
+                let textured = point.as_ref().and_then(|point| Some((point.standard.as_ref()?, point)));
+                let base = textured.map_or(*base, |(surface, point)| OpaqueBase::new(surface, point.classic.roughness));
+                if base.alpha == 0.0 {
+                    // A polished point of a textured surface isn't evaluated in lanes.
+                    (queues.bases.len, path.place) = (lane, place);
+                    return false;
+                }
+                queues.bases.materials.points[lane] = base;
+                self.count_hit(path);
+                if lane + 1 == LANES {
+                    self.scatter_eight(&mut queues.bases, paths, shadows, next);
                 }
             }
         }
         true
     }
 
-    /// Adds a vertex that [`PathTracer::arrive`] came to. Shades its kind if there are eight now; `end` then gets the
-    /// numbers of the paths that end.
+    /// Adds a vertex that [`PathTracer::arrive`] came to. Shades its kind if there are eight now; `next` then gets the
+    /// paths that go on.
     pub(super) fn push_vertex(
         &mut self,
         queues: &mut VertexQueues,
         (number, vertex): (u32, SurfaceVertex),
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
-        end: impl FnMut(u32),
+        next: &mut Wave,
     ) {
-        let is_boundary = vertex.bsdf.rough_boundary().is_some();
-        let queue = if is_boundary { &mut queues.boundaries } else { &mut queues.others };
+        match vertex.bsdf.rough_boundary() {
+            Some(_) => self.push_into(&mut queues.boundaries, (number, vertex), paths, shadows, next),
+            None => self.push_into(&mut queues.others, (number, vertex), paths, shadows, next),
+        }
+    }
+
+    fn push_into<M: SurfaceVertices>(
+        &mut self,
+        queue: &mut Queue<M>,
+        (number, vertex): (u32, SurfaceVertex),
+        paths: &mut [Path],
+        shadows: &mut Vec<PathShadow>,
+        next: &mut Wave,
+    ) {
         let lane = queue.len;
         queue.len += 1;
         queue.paths[lane] = number;
@@ -228,7 +270,7 @@ impl PathTracer<'_> {
         );
         queue.materials.push(vertex);
         if lane + 1 == LANES {
-            self.scatter_eight(queue, paths, shadows, end);
+            self.scatter_eight(queue, paths, shadows, next);
         }
     }
 
@@ -238,21 +280,22 @@ impl PathTracer<'_> {
         queues: &mut VertexQueues,
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
-        mut end: impl FnMut(u32),
+        next: &mut Wave,
     ) {
-        self.scatter_eight(&mut queues.diffuse, paths, shadows, &mut end);
-        self.scatter_eight(&mut queues.metals, paths, shadows, &mut end);
-        self.scatter_eight(&mut queues.boundaries, paths, shadows, &mut end);
-        self.scatter_eight(&mut queues.others, paths, shadows, &mut end);
+        self.scatter_eight(&mut queues.diffuse, paths, shadows, next);
+        self.scatter_eight(&mut queues.metals, paths, shadows, next);
+        self.scatter_eight(&mut queues.bases, paths, shadows, next);
+        self.scatter_eight(&mut queues.boundaries, paths, shadows, next);
+        self.scatter_eight(&mut queues.others, paths, shadows, next);
     }
 
-    /// Samples a source for each vertex, and sends the paths on. `end` gets the numbers of those that end.
+    /// Samples a source for each vertex, and sends the paths on. `next` gets those that go on.
     fn scatter_eight<M: Materials8>(
         &mut self,
         queue: &mut Queue<M>,
         paths: &mut [Path],
         shadows: &mut Vec<PathShadow>,
-        mut end: impl FnMut(u32),
+        next: &mut Wave,
     ) {
         let Queue { len, paths: numbers, inputs, surfaces, materials } = queue;
         if *len == 0 {
@@ -285,8 +328,7 @@ impl PathTracer<'_> {
         let (u_source, u) = &arrived.u_source;
         let lit = vertices.lit();
         let points = self.sample_points(lit, &SourceInputs { receivers: &receivers, u_source, u, times: &times });
-        let towards_sources = vertices.evaluate(&points);
-        let sampled = vertices.sample();
+        let (towards_sources, sampled) = vertices.scatter(&points);
         let scattered = run_lanes(Scatter {
             surfaces,
             points: &points,
@@ -324,10 +366,7 @@ impl PathTracer<'_> {
             let wi = dvec3(&sampled.wi, lane);
             let is_alive = scattered.alive >> lane & 1 == 1;
             let inside = if is_alive { vertices.inside_after(self, lane, wi) } else { None };
-            let Some(inside) = inside else {
-                end(*number);
-                continue;
-            };
+            let Some(inside) = inside else { continue };
             path.throughput = rgb(&scattered.throughput, lane);
             path.guided = scattered.guided[lane];
             let sample = BsdfSample {
@@ -337,8 +376,10 @@ impl PathTracer<'_> {
                 lobe: sampled.lobes[lane],
                 is_delta: sampled.delta >> lane & 1 == 1,
             };
+            let ray = Ray { origin: vec3(&scattered.origin, lane), direction: vec3(&scattered.direction, lane) };
+            next.push(*number, ray);
             path.leave(
-                Ray { origin: vec3(&scattered.origin, lane), direction: vec3(&scattered.direction, lane) },
+                ray,
                 DRay { origin: exact, direction: wi },
                 inside,
                 (&sample, vertices.goes_through(lane, &sample)),

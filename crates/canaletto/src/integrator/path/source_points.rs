@@ -4,7 +4,7 @@
 //! environment, are then sampled in lanes; the others one by one. Both are the same formulas.
 
 use super::PathTracer;
-use super::direct::{PAST_EMITTER, SourcePoint};
+use super::direct::SourcePoint;
 use super::emitter::{Emitter, LaneEmitters};
 use super::light_sampler::{KnownChoice, Source};
 use super::light_tree::Receiver;
@@ -151,21 +151,21 @@ impl LaneKernel for SampleEmitters<'_> {
 
     #[inline(always)]
     fn run<F: Real64>(self) {
-        let SampleEmitters { emitters, any, inputs, chosen, points } = self;
+        let SampleEmitters { emitters: chosen_emitters, any, inputs, chosen, points } = self;
         let p = Vector::<F>::gather(|lane| inputs.receivers[lane].point);
         let [u, v] = inputs.u;
-        let active = (0..LANES).map(|lane| u32::from(emitters[lane].is_some()) << lane).sum::<u32>();
-        let is_one = emitters.iter().flatten().all(|emitter| std::ptr::eq(*emitter, any));
+        let active = (0..LANES).map(|lane| u32::from(chosen_emitters[lane].is_some()) << lane).sum::<u32>();
+        let is_one = chosen_emitters.iter().flatten().all(|emitter| std::ptr::eq(*emitter, any));
         let emitters = match is_one {
             true => LaneEmitters::gather(|_| any),
-            false => LaneEmitters::gather(|lane| emitters[lane].unwrap_or(any)),
+            false => LaneEmitters::gather(|lane| chosen_emitters[lane].unwrap_or(any)),
         };
         let sample = emitters.sample(p, [F::load(u), F::load(v)]);
         let pdf = sample.pdf * F::load(chosen);
         let found = Found { wi: sample.wi, to: sample.point, radiance: sample.radiance, pdf };
         let lit = points.put(sample.lit & F::Mask::from_bits(active), found);
         for lane in set_bits(lit) {
-            points.t_max[lane] = PAST_EMITTER;
+            points.t_max[lane] = chosen_emitters[lane].map_or(0.0, Emitter::shadow_end);
         }
     }
 }

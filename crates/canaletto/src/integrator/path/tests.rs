@@ -213,3 +213,47 @@ fn still_and_moving_lamps_agree() {
     let (without, more) = mean(&scene(gloss), views, long, 256);
     assert!((mis - without).abs() <= 3.3 * (error * error + more * more).sqrt(), "{mis} ± {error}, {without} ± {more}");
 }
+
+/// Shadow rays to lamps that stand alone ask for any hit, and others for the nearest one. Where something casts no
+/// shadow all ask for the nearest one, and the picture is the same.
+#[test]
+fn any_hit_tells_what_the_nearest_one_tells() {
+    use crate::material::Dielectric;
+    let wall = |min: [f32; 3], max: [f32; 3]| node(Shape::Box(Cuboid { min: min.into(), max: max.into() }), 0);
+    let ball = |center: [f32; 3], radius: f32, material: u32| {
+        node(Shape::Sphere(Sphere { center: center.into(), radius }), material)
+    };
+    let lamp = Phong { emission: Rgb::gray(8.0), ..matte(0.0) };
+    let sky = EnvironmentKind::Gradient(Gradient { stops: vec![(-90.0, Rgb::gray(0.2)), (90.0, Rgb::WHITE)] });
+    for clear in [
+        Material::new("glass", Dielectric::new(1.5)),
+        Material::new("frost", Dielectric { roughness: 0.5, ..Dielectric::new(1.5) }),
+        Material::new("veil", Phong { opacity: 0.5, eta: 1.0, ..matte(0.5) }),
+    ] {
+        let disk = Disk { center: Vec3::new(0.0, 0.98, 0.0), normal: -Vec3::Y, radius: 0.3 };
+        let scene = Scene {
+            materials: vec![Material::new("white", matte(0.7)), clear, Material::new("lamp", lamp)],
+            nodes: vec![
+                wall([-1.1, -1.1, -1.1], [1.1, -1.0, 1.0]),
+                wall([-1.1, 1.0, -1.1], [1.1, 1.1, 1.0]),
+                wall([-1.1, -1.0, -1.1], [-1.0, 1.0, 1.0]),
+                node(Shape::Disk(disk), 2),
+                // These touch.
+                ball([0.6, -0.5, 0.2], 0.2, 2),
+                ball([0.6, -0.1, 0.2], 0.2, 0),
+                ball([-0.4, -0.6, 0.3], 0.35, 1),
+            ],
+            environment: Some(Environment::new(sky.clone())),
+            ..Scene::default()
+        };
+        let mut shadowless = scene.clone();
+        shadowless.nodes.push(ball([-1.05, 0.0, 0.0], 0.01, 0).with_shadow(false));
+        let [lights, others] =
+            [&scene, &shadowless].map(|scene| LightSampler::new(&World::build(scene.clone()).unwrap()));
+        let isolated = |lights: &LightSampler| lights.emitters.all.iter().map(|e| e.is_isolated).collect::<Vec<_>>();
+        assert_eq!((isolated(&lights), isolated(&others)), (vec![true, false], vec![false; 2]));
+        assert!(lights.environment_is_hidden_by_any && !others.environment_is_hidden_by_any);
+        let view = [Vec3::new(0.2, 0.1, 5.0), Vec3::ZERO];
+        assert!(pixels(&scene, view, PATH, 4) == pixels(&shadowless, view, PATH, 4), "other pictures");
+    }
+}

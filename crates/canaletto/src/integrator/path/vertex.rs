@@ -83,8 +83,7 @@ impl SurfaceVertex {
             let (f, pdf) = self.bsdf.eval_and_pdf(wi);
             BsdfSample { wi, f, pdf, lobe: Lobe::Diffuse, is_delta: false }
         } else {
-            let u_lobe = ((u_lobe - probability) / (1.0 - probability)).min(1.0 - f64::EPSILON);
-            self.bsdf.sample(u_lobe, u)?
+            self.bsdf.sample(guide.u_of_surface(u_lobe), u)?
         };
         let pdf = if sample.is_delta { 0.0 } else { guide.pdf(sample.wi) };
         let guiding = GuidedSample { is_chosen, pdf, pdf_scattering: sample.pdf };

@@ -1,6 +1,6 @@
 //! The scattering of a standard surface at a point: evaluation, sampling and density over all its lobes.
 
-use super::super::bsdf::mirrored_at;
+use super::super::bsdf::{FacetAxes, LobeDirections, mirrored_at};
 use super::super::ggx::Ggx;
 use super::super::{
     BsdfSample, Lobe, MaterialPoint, Phong, ScatteringFrame, SpecularTransmission, fresnel_dielectric, reflect, refract,
@@ -8,6 +8,7 @@ use super::super::{
 use super::diffuse;
 use super::layers::{Layer, Layers, weighted_ior};
 use super::metal::MetalFresnel;
+use super::opaque_base::{BaseNumbers, OpaqueBase, OpaqueBaseLobes};
 use super::{StandardFuzz, StandardSurface, StandardThinFilm};
 use crate::math::{Rgb, warp};
 use glam::{DMat3, DVec3, Vec3};
@@ -58,6 +59,8 @@ pub struct StandardBsdf {
     pub(super) film: StandardThinFilm,
     pub(super) coat: CoatPoint,
     pub(super) fuzz: StandardFuzz,
+    /// Whether the surface is a rough opaque base alone.
+    is_base: bool,
 }
 
 /// The widths αx and αy of a roughness and an anisotropy: αx² + αy² = 2 r⁴ and αy / αx = 1 − anisotropy.
@@ -84,6 +87,7 @@ impl StandardBsdf {
         let Phong { opacity, roughness, .. } = point.classic;
         let surface = point.standard.as_ref().unwrap_or(surface);
         let schlick = surface.schlick.then(|| surface.schlick_ends());
+        let is_base = OpaqueBase::is_all_of(surface) && roughness * roughness > 0.0;
         let StandardSurface { base, specular, transmission, subsurface, coat, fuzz, thin_film, thin_walled, .. } =
             *surface;
         let is_clear = transmission.weight > 0.0 && (thin_walled || frame.is_closed && opacity < 1.0);
@@ -142,6 +146,24 @@ impl StandardBsdf {
                 }),
             },
             fuzz: StandardFuzz { weight: fuzz_weight, ..fuzz },
+            is_base,
+        }
+    }
+
+    /// The numbers of the base.
+    fn base_numbers(&self) -> BaseNumbers<f64> {
+        let [f0, f90] = self.schlick.unwrap_or([Rgb::BLACK; 2]);
+        BaseNumbers {
+            diffuse: self.diffuse.into(),
+            f0: self.metal.f0.into(),
+            dip: self.metal.dip.into(),
+            metalness: self.metalness.into(),
+            metal_weight: self.metal_weight.into(),
+            tint: self.specular_tint.into(),
+            eta_ratio: self.eta_ratio,
+            schlick: self.schlick.is_some(),
+            ends: [f0.into(), f90.into()],
+            alpha: self.alpha[0].into(),
         }
     }
 
@@ -424,6 +446,18 @@ fn add_density(sum: &mut f64, probability: f64, density: f64) {
 /// A standard surface at a point, as it is seen from one direction.
 pub(crate) struct SeenStandard {
     pub(crate) bsdf: StandardBsdf,
+    lobes: SeenLobes,
+}
+
+/// The lobes of a standard surface.
+#[expect(clippy::large_enum_variant, reason = "one lives on the stack, at the last vertex of a path")]
+enum SeenLobes {
+    Base(OpaqueBaseLobes<f64>),
+    Layered(LayeredLobes),
+}
+
+/// The lobes of a standard surface of any kind.
+struct LayeredLobes {
     wo: DVec3,
     /// The axes of the facets as columns, and the viewer's direction in them.
     axes: DMat3,
@@ -437,6 +471,49 @@ pub(crate) struct SeenStandard {
 
 impl SeenStandard {
     pub(in crate::material) fn new(bsdf: StandardBsdf, wo: DVec3) -> SeenStandard {
+        let lobes = if bsdf.is_base {
+            let ScatteringFrame { normal, facing, .. } = bsdf.frame;
+            let axes = FacetAxes::isotropic(normal.into(), facing.into(), wo.into());
+            SeenLobes::Base(OpaqueBaseLobes::new(bsdf.base_numbers(), 1, (axes, facing.into()), wo.into()))
+        } else {
+            SeenLobes::Layered(LayeredLobes::new(&bsdf, wo))
+        };
+        SeenStandard { bsdf, lobes }
+    }
+
+    /// What passes in one direction.
+    pub(in crate::material) fn specular_transmission(&self) -> SpecularTransmission {
+        match &self.lobes {
+            SeenLobes::Base(_) => SpecularTransmission::NONE,
+            SeenLobes::Layered(layered) => layered.specular_transmission(&self.bsdf),
+        }
+    }
+
+    /// f |cos θ| and the density, whose costly parts are the same.
+    pub(in crate::material) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+        match &self.lobes {
+            SeenLobes::Base(base) => {
+                let (f, pdf) = base.eval_and_pdf(wi.into());
+                (f.into(), pdf)
+            }
+            SeenLobes::Layered(layered) => layered.eval_and_pdf(&self.bsdf, wi),
+        }
+    }
+
+    pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        let base = match &self.lobes {
+            SeenLobes::Base(base) => base,
+            SeenLobes::Layered(layered) => return layered.sample(&self.bsdf, u_lobe, u),
+        };
+        let LobeDirections { wi, is_valid, is_mirrored } = base.directions(u_lobe, u);
+        let (f, pdf) = base.eval_and_pdf(wi);
+        let lobe = if is_mirrored { Lobe::Mirror } else { Lobe::Diffuse };
+        (is_valid && pdf > 0.0).then(|| BsdfSample { wi: wi.into(), f: f.into(), pdf, lobe, is_delta: false })
+    }
+}
+
+impl LayeredLobes {
+    fn new(bsdf: &StandardBsdf, wo: DVec3) -> LayeredLobes {
         let axes = bsdf.frame.facet_axes(wo);
         let local = axes.transpose() * wo;
         let frame = &bsdf.frame;
@@ -448,12 +525,12 @@ impl SeenStandard {
             CoatFrame { frame, axes, local: axes.transpose() * wo }
         });
         let over = coat.as_ref().map_or(local, |coat| coat.local);
-        SeenStandard { bsdf, wo, axes, local, layers: bsdf.layers(local, over), coat, matte }
+        LayeredLobes { wo, axes, local, layers: bsdf.layers(local, over), coat, matte }
     }
 
     /// The directions in the frame of the base's facets whose light leads to `wi`.
-    fn local(&self, wi: DVec3) -> impl Iterator<Item = Local> {
-        locals(&self.bsdf.frame, self.axes, self.local, wi)
+    fn local(&self, bsdf: &StandardBsdf, wi: DVec3) -> impl Iterator<Item = Local> {
+        locals(&bsdf.frame, self.axes, self.local, wi)
     }
 
     /// The directions in the frame of the coat's facets whose light leads to `wi`, if it has a frame of its own.
@@ -462,8 +539,8 @@ impl SeenStandard {
     }
 
     /// What passes in one direction.
-    pub(in crate::material) fn specular_transmission(&self) -> SpecularTransmission {
-        let SeenStandard { bsdf, local, layers, .. } = self;
+    fn specular_transmission(&self, bsdf: &StandardBsdf) -> SpecularTransmission {
+        let LayeredLobes { local, layers, .. } = self;
         if bsdf.clear == 0.0 || !bsdf.is_smooth() && !bsdf.goes_straight() {
             return SpecularTransmission::NONE;
         }
@@ -475,21 +552,21 @@ impl SeenStandard {
     }
 
     /// f |cos θ| and the density, whose costly parts are the same.
-    pub(in crate::material) fn eval_and_pdf(&self, wi: DVec3) -> (Rgb, f64) {
+    fn eval_and_pdf(&self, bsdf: &StandardBsdf, wi: DVec3) -> (Rgb, f64) {
         let (mut f, mut pdf) = (Rgb::BLACK, 0.0);
-        for local in self.local(wi) {
-            let (of_local, pdf_local) = self.bsdf.eval_and_pdf_local(&self.layers, &local, self.matte);
+        for local in self.local(bsdf, wi) {
+            let (of_local, pdf_local) = bsdf.eval_and_pdf_local(&self.layers, &local, self.matte);
             (f, pdf) = (f + of_local, pdf + pdf_local);
         }
         for Local { wo, wi, .. } in self.coat_local(wi).filter(|local| local.wi.z > 0.0) {
-            let (of_coat, pdf_coat) = self.bsdf.eval_and_pdf_coat(&self.layers, wo, (wo + wi).normalize(), wi);
+            let (of_coat, pdf_coat) = bsdf.eval_and_pdf_coat(&self.layers, wo, (wo + wi).normalize(), wi);
             (f, pdf) = (f + of_coat, pdf + pdf_coat);
         }
         (f, pdf)
     }
 
-    pub(in crate::material) fn sample(&self, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
-        let SeenStandard { bsdf, wo, axes, local: o, layers, .. } = self;
+    fn sample(&self, bsdf: &StandardBsdf, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
+        let LayeredLobes { wo, axes, local: o, layers, .. } = self;
         let (layer, u_facet) = layers.choose(u_lobe)?;
         let own = self.coat.as_ref().filter(|_| layer == Layer::Coat);
         let (axes, o) = own.map_or((axes, *o), |coat| (&coat.axes, coat.local));
@@ -540,7 +617,7 @@ impl SeenStandard {
             false if matches!(layer, Layer::Diffuse | Layer::Translucent) => return None,
             false => mirrored_at(facing, wi),
         };
-        let (f, pdf) = self.eval_and_pdf(wi);
+        let (f, pdf) = self.eval_and_pdf(bsdf, wi);
         (pdf > 0.0).then_some(BsdfSample { wi, f, pdf, lobe, is_delta: false })
     }
 }

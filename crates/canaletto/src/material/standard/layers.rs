@@ -2,29 +2,40 @@
 //! those below. Albedos scale the layers, as OpenPBR proposes, so that no more light leaves than arrives.
 //! These factors depend on the viewer's direction only, so that layers are not reciprocal where single lobes are.
 
-use super::super::conductor_albedo::{conductor_albedo, grazing_albedo};
+use super::super::conductor_albedo::{conductor_albedo, grazing_albedos};
 use super::super::dielectric_albedo::{self, DielectricAlbedo, Kept, facets};
 use super::super::ggx::Ggx;
 use super::super::{fresnel_dielectric, reflect};
 use super::bsdf::StandardBsdf;
 use super::fuzz::Fuzz;
+use super::opaque_base::schlick_curve;
 use super::stretched_albedo::stretched_albedo;
 use super::thin_film::{UnderFilm, reflectance};
 use crate::math::Rgb;
+use canaletto_bvh::lanes::Real64;
 use glam::{DVec2, DVec3};
 use std::sync::LazyLock;
 
 /// The share that a boundary of relative η mirrors at right angles.
-pub(super) fn reflection_at_right_angles(eta: f64) -> f64 {
-    let amplitude = (eta - 1.0) / (eta + 1.0);
+#[inline(always)]
+pub(super) fn reflection_at_right_angles<F: Real64>(eta: F) -> F {
+    let one = F::splat(1.0);
+    let amplitude = (eta - one) / (eta + one);
     amplitude * amplitude
 }
 
 /// The relative η whose reflection at right angles is that of `eta` times a weight.
 pub(super) fn weighted_ior(eta: f64, weight: f64) -> f64 {
-    let amplitude = (weight * reflection_at_right_angles(eta)).min(0.999).sqrt();
-    let amplitude = if eta < 1.0 { -amplitude } else { amplitude };
-    (1.0 + amplitude) / (1.0 - amplitude)
+    weighted_iors(eta, weight)
+}
+
+/// [`weighted_ior`] in each lane.
+#[inline(always)]
+pub(super) fn weighted_iors<F: Real64>(eta: F, weight: F) -> F {
+    let one = F::splat(1.0);
+    let amplitude = (weight * reflection_at_right_angles(eta)).min(F::splat(0.999)).sqrt();
+    let amplitude = F::select(eta.less(one), -amplitude, amplitude);
+    (one + amplitude) / (one - amplitude)
 }
 
 /// The lobes of a standard surface.
@@ -93,11 +104,18 @@ impl Layers {
 
 /// The least probability of rough facets, as a share of what the most grazed of them mirrors. Few facets are grazed,
 /// and a direction that is found rarely must not weigh much more than others.
-const OF_GRAZED: f64 = 0.4;
+pub(super) const OF_GRAZED: f64 = 0.4;
 
 /// The cosine at the most grazed facet that mirrors light to a viewer at this cosine: at half the angle to the horizon.
 fn grazed_cosine(cos: f64) -> f64 {
-    (0.5 * (1.0 - (1.0 - cos * cos).max(0.0).sqrt())).sqrt()
+    grazed_cosines(cos)
+}
+
+/// [`grazed_cosine`] in each lane.
+#[inline(always)]
+pub(super) fn grazed_cosines<F: Real64>(cos: F) -> F {
+    let one = F::splat(1.0);
+    ((one - (one - cos * cos).max(F::splat(0.0)).sqrt()) * 0.5).sqrt()
 }
 
 fn lerp(a: Rgb, b: Rgb, t: f64) -> Rgb {
@@ -156,16 +174,7 @@ impl StandardBsdf {
         let Some([f0, f90]) = self.schlick else {
             return Rgb::gray(fresnel_dielectric(cos, self.eta_ratio()) as f32);
         };
-        // From inside Schlick's curve is that of the angle outside.
-        let sin2 = self.eta_ratio() * self.eta_ratio() * (1.0 - cos * cos);
-        let cos = match self.eta_ratio() > 1.0 {
-            true if sin2 >= 1.0 => return Rgb::WHITE,
-            true => (1.0 - sin2).sqrt(),
-            false => cos,
-        };
-        let x = 1.0 - cos.clamp(0.0, 1.0);
-        let x2 = x * x;
-        lerp(f0, f90, x2 * x2 * x)
+        schlick_curve(f0.into(), f90.into(), cos, self.eta_ratio()).into()
     }
 
     /// The share that a facet of a metal mirrors, under its film.
@@ -186,7 +195,7 @@ impl StandardBsdf {
             Some(_) if self.is_smooth() => self.bare_fresnel(wo.z),
             Some([f0, f90]) => {
                 let alpha = (self.alpha[0] * self.alpha[1]).sqrt().into();
-                let (all, grazing) = (conductor_albedo(wo.z, alpha), grazing_albedo(wo.z, alpha));
+                let (all, grazing) = (conductor_albedo(wo.z, alpha), grazing_albedos(wo.z, alpha));
                 (f0 * (all - grazing) as f32 + f90 * grazing as f32) * gain as f32
             }
         };

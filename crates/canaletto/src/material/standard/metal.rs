@@ -1,7 +1,8 @@
 //! The reflection of metals from two colours: Schlick's curve with the "F82 tint" (Kutz, Hašan & Edmondson, *Novel
 //! Aspects of the Adobe Standard Material*, 2021).
 
-use crate::math::Rgb;
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::{Real32, Real64};
 
 /// The cosine of about 82°, where the tint has its full effect.
 const RIM: f64 = 1.0 / 7.0;
@@ -12,31 +13,56 @@ pub(super) struct MetalFresnel {
     /// F at right angles.
     pub(super) f0: Rgb,
     /// The factor of µ (1 − µ)⁶ that is taken off.
-    dip: Rgb,
+    pub(super) dip: Rgb,
 }
 
-fn schlick(f0: f64, cos: f64) -> f64 {
-    let x = 1.0 - cos;
+#[inline(always)]
+fn schlick<F: Real64>(f0: F, cos: F) -> F {
+    let one = F::splat(1.0);
+    let x = one - cos;
     let x2 = x * x;
-    f0 + (1.0 - f0) * x2 * x2 * x
+    f0 + (one - f0) * x2 * x2 * x
+}
+
+/// The factors of µ (1 − µ)⁶ that are taken off in each lane, for what metals mirror at right angles and their tints.
+#[inline(always)]
+pub(super) fn metal_dips<F: Real64>(f0: Vector<F::Narrow>, tint: Vector<F::Narrow>) -> Vector<F::Narrow> {
+    Vector { x: dip::<F>(f0.x, tint.x), y: dip::<F>(f0.y, tint.y), z: dip::<F>(f0.z, tint.z) }
+}
+
+#[inline(always)]
+fn dip<F: Real64>(f0: F::Narrow, tint: F::Narrow) -> F::Narrow {
+    let x2 = (1.0 - RIM) * (1.0 - RIM);
+    let at_rim = RIM * x2 * x2 * x2;
+    (schlick(f0.widen(), F::splat(RIM)) * (F::splat(1.0) - tint.widen()) / at_rim).narrow()
+}
+
+/// F at the cosines of angles in each lane.
+#[inline(always)]
+pub(super) fn metal_fresnels<F: Real64>(cos: F, f0: Vector<F::Narrow>, dip: Vector<F::Narrow>) -> Vector<F::Narrow> {
+    let x = F::splat(1.0) - cos;
+    let x2 = x * x;
+    let shape = cos * x2 * x2 * x2;
+    Vector {
+        x: at_cosine(cos, shape, f0.x, dip.x),
+        y: at_cosine(cos, shape, f0.y, dip.y),
+        z: at_cosine(cos, shape, f0.z, dip.z),
+    }
+}
+
+#[inline(always)]
+fn at_cosine<F: Real64>(cos: F, shape: F, f0: F::Narrow, dip: F::Narrow) -> F::Narrow {
+    (schlick(f0.widen(), cos) - dip.widen() * shape).max(F::splat(0.0)).min(F::splat(1.0)).narrow()
 }
 
 impl MetalFresnel {
     pub(super) fn new(f0: Rgb, tint: Rgb) -> MetalFresnel {
-        let x2 = (1.0 - RIM) * (1.0 - RIM);
-        let at_rim = RIM * x2 * x2 * x2;
-        let [f, t] = [f0, tint].map(|color| color.to_array().map(f64::from));
-        let dip = Rgb::from([0, 1, 2].map(|c: usize| (schlick(f[c], RIM) * (1.0 - t[c]) / at_rim) as f32));
-        MetalFresnel { f0, dip }
+        MetalFresnel { f0, dip: metal_dips::<f64>(f0.into(), tint.into()).into() }
     }
 
     /// F at the cosine of an angle.
     pub(super) fn at(&self, cos: f64) -> Rgb {
-        let x = 1.0 - cos;
-        let x2 = x * x;
-        let dip = cos * x2 * x2 * x2;
-        let [f, d] = [self.f0, self.dip].map(|color| color.to_array().map(f64::from));
-        Rgb::from([0, 1, 2].map(|c: usize| (schlick(f[c], cos) - d[c] * dip).clamp(0.0, 1.0) as f32))
+        metal_fresnels(cos, self.f0.into(), self.dip.into()).into()
     }
 }
 
@@ -52,7 +78,7 @@ mod tests {
         let f0 = fresnel_conductor(1.0, eta, k);
         let rim = fresnel_conductor(RIM, eta, k);
         let tint = Rgb::from(
-            [0, 1, 2].map(|c: usize| (f64::from(rim.to_array()[c]) / schlick(f0.to_array()[c].into(), RIM)) as f32),
+            [0, 1, 2].map(|c: usize| (f64::from(rim.to_array()[c]) / schlick(f64::from(f0.to_array()[c]), RIM)) as f32),
         );
         let metal = MetalFresnel::new(f0, tint);
         assert!(

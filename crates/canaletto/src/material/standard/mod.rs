@@ -12,6 +12,7 @@ mod diffuse;
 mod fuzz;
 mod layers;
 mod metal;
+mod opaque_base;
 mod parameter;
 mod point;
 mod presets;
@@ -22,6 +23,7 @@ mod thin_film;
 
 pub(crate) use bsdf::SeenStandard;
 pub use bsdf::StandardBsdf;
+pub(crate) use opaque_base::{BaseNumbers, OpaqueBase, OpaqueBaseLobes};
 pub use parameter::{StandardBlock, StandardParameter, StandardTarget};
 pub use presets::{PRESETS, Preset};
 
@@ -266,7 +268,7 @@ impl StandardSurface {
     /// F0 and F90 of Schlick's curve for a dielectric.
     fn schlick_ends(&self) -> [Rgb; 2] {
         let StandardSpecular { weight, color, ior, .. } = self.specular;
-        let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
+        let f0 = layers::reflection_at_right_angles(f64::from(ior)) as f32;
         let weight = weight.min(1.0);
         [color.map(|tint| (tint * f0).min(1.0)) * weight, Rgb::gray(weight)]
     }

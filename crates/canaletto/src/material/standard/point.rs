@@ -32,11 +32,11 @@ impl StandardSurface {
                 (f0, f0.luminance())
             }
             false => {
-                let f0 = layers::reflection_at_right_angles(ior.into()) as f32;
+                let f0 = layers::reflection_at_right_angles(f64::from(ior)) as f32;
                 (specular.color * f0, f0)
             }
         };
-        let coat_f0 = layers::reflection_at_right_angles(coat.ior.into()) as f32 * coat.weight;
+        let coat_f0 = layers::reflection_at_right_angles(f64::from(coat.ior)) as f32 * coat.weight;
         let base_color = base.color * base.weight;
         let opaque = base_color * (1.0 - subsurface.weight) + subsurface.color * subsurface.weight;
         let tint = (Rgb::WHITE * (1.0 - coat.weight) + coat.color * coat.weight) * (1.0 - coat_f0);

@@ -4,6 +4,7 @@ use super::super::testing::{albedo, bsdf_of, check_sampling, direction, unsqueez
 use super::super::{Bsdf, Lobe, Material, MaterialPoint, ScatteringFrame};
 use super::*;
 use crate::material::METALS;
+use crate::shape::testing::Random;
 use glam::DVec3;
 
 fn bsdf_in(surface: StandardSurface, frame: ScatteringFrame) -> Bsdf {
@@ -470,4 +471,57 @@ fn scatter_anisotropy_splits_translucent_light() {
         let expected = [-1.0, 1.0].map(|side| 0.25 * (1.0 + side * f64::from(g)));
         assert!((back - expected[0]).abs() < 1e-6 && (through - expected[1]).abs() < 1e-6, "{g}: {back} {through}");
     }
+}
+
+/// A base alone is what the lobes of all layers are if nothing lies over it. Fuzz of a vanishing weight has the latter.
+#[test]
+fn an_opaque_base_is_the_surface_without_layers() {
+    let hidden =
+        |surface| StandardSurface { fuzz: StandardFuzz { weight: 1e-30, ..StandardFuzz::default() }, ..surface };
+    let gold = StandardBase { color: Rgb::new(0.9, 0.6, 0.2), metalness: 1.0, ..StandardBase::default() };
+    let mixed = StandardBase { metalness: 0.4, weight: 0.8, ..gold };
+    let tinted = StandardSpecular { weight: 0.6, color: Rgb::new(0.9, 0.5, 0.7), ior: 1.8, ..Default::default() };
+    let dense = StandardSpecular { ior: 0.7, ..Default::default() };
+    let milky = StandardSubsurface { weight: 0.3, color: Rgb::new(0.1, 0.9, 0.4), ..Default::default() };
+    let plain = StandardSurface::default();
+    let surfaces = [
+        plain,
+        StandardSurface { base: gold, specular: tinted, ..plain },
+        StandardSurface { base: mixed, specular: tinted, ..plain },
+        StandardSurface { specular: dense, subsurface: milky, ..plain },
+        schlick(plain),
+        schlick(StandardSurface { base: mixed, specular: tinted, ..plain }),
+    ];
+    let bent = DVec3::new(0.5, -0.3, 0.8).normalize();
+    let (mut random, mut lit) = (Random(7), 0);
+    for surface in surfaces {
+        for (roughness, normal) in [(0.15, DVec3::Z), (0.6, bent), (1.0, DVec3::Z)] {
+            let frame = ScatteringFrame { normal, ..ScatteringFrame::flat(DVec3::Z, 1.0) };
+            let [alone, layered] =
+                [rough(surface, roughness), hidden(rough(surface, roughness))].map(|surface| bsdf_in(surface, frame));
+            for _ in 0..200 {
+                let wo = random.cube().as_dvec3().normalize();
+                let wo = DVec3 { z: wo.z.abs().max(1e-3), ..wo }.normalize();
+                let wi = random.cube().as_dvec3().normalize();
+                let close = |a: f64, b: f64| (a - b).abs() <= 2e-6 * b.abs().max(1e-6);
+                let near = |a: Rgb, b: Rgb| {
+                    let pairs = a.to_array().into_iter().zip(b.to_array());
+                    pairs.into_iter().all(|(a, b)| close(a.into(), b.into()))
+                };
+                let (a, b) = (alone.eval(wo, wi), layered.eval(wo, wi));
+                assert!(near(a, b), "{surface:?}, {roughness}, {wo}, {wi}: {a:?}, {b:?}");
+                let (pdf_a, pdf_b) = (alone.pdf(wo, wi), layered.pdf(wo, wi));
+                assert!(close(pdf_a, pdf_b), "{surface:?}, {roughness}, {wo}, {wi}: {pdf_a}, {pdf_b}");
+                lit += u32::from(!a.is_black());
+                let [u_lobe, u, v] = [(); 3].map(|()| f64::from(random.unit()));
+                let [a, b] = [&alone, &layered].map(|bsdf| bsdf.sample(wo, u_lobe, [u, v]));
+                assert_eq!(a.is_some(), b.is_some(), "{surface:?}, {roughness}, {wo}");
+                if let (Some(a), Some(b)) = (a, b) {
+                    assert!(a.wi.distance(b.wi) < 1e-9 && near(a.f, b.f) && close(a.pdf, b.pdf), "{a:?}, {b:?}");
+                    assert_eq!(a.lobe, b.lobe);
+                }
+            }
+        }
+    }
+    assert!(lit > 1000, "{lit}");
 }

@@ -367,6 +367,13 @@ impl World {
         })
     }
 
+    /// Whether shadow rays meet all primitives.
+    pub(crate) fn all_cast_shadows(&self) -> bool {
+        let mut groups = self.geometry.groups.iter().chain([&self.geometry.root]);
+        groups.all(|group| group.instances.iter().all(|instance| instance.casts_shadow))
+            && self.geometry.unbounded.iter().all(|unbounded| unbounded.casts_shadow)
+    }
+
     /// Whether shadow rays meet a primitive.
     pub(crate) fn casts_shadow(&self, instance: u32, primitive: u32) -> bool {
         if instance == Hit::UNBOUNDED {

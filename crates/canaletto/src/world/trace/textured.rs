@@ -146,7 +146,28 @@ impl World {
         step: Option<[DVec3; 2]>,
         probe: &mut P,
     ) -> MaterialPoint {
-        self.textured_at(&self.local(line, hit, None), hit, surface, step, probe)
+        let mut point = self.textured_at(&self.local(line, hit, None), hit, surface, step, probe);
+        self.material(hit).finish(&mut point);
+        point
+    }
+
+    /// The surface and [`World::textured`] of an opaque material, for integrators of physics: a standard surface comes
+    /// without the classic numbers nearest to it. `step` finds the offsets along the surface to the neighbouring samples.
+    #[inline(never)]
+    pub(crate) fn textured_physics(
+        &self,
+        line: DRay,
+        hit: &Hit,
+        step: impl FnOnce(&Surface) -> Option<[DVec3; 2]>,
+    ) -> (Surface, MaterialPoint) {
+        let local = self.local(line, hit, None);
+        let mut surface = match local.to_world {
+            None if hit.instance != Hit::UNBOUNDED => local.surface,
+            _ => self.surface_without_uv(line, hit),
+        };
+        let step = step(&surface);
+        let point = self.textured_at(&local, hit, &mut surface, step, &mut ());
+        (surface, point)
     }
 
     /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
@@ -158,9 +179,13 @@ impl World {
         step: Option<[DVec3; 2]>,
         probe: &mut P,
     ) -> MaterialPoint {
-        self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe)
+        let mut point = self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe);
+        self.material(hit).finish(&mut point);
+        point
     }
 
+    /// The material at a hit before it is [finished](PreparedMaterial::finish).
+    #[inline(always)]
     fn textured_at<P: GeometryProbe + ?Sized>(
         &self,
         local: &Local,
@@ -179,7 +204,7 @@ impl World {
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
             let coords = at.coords(used);
-            let (before, was) = (point, normal);
+            let before = probe.is_active().then_some((point, normal));
             let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
             let room = if probe.is_active() { &mut readings[..] } else { &mut [] };
             let value = at.value(pattern, used, &coords, room);
@@ -198,7 +223,7 @@ impl World {
                 normal = clamp_to_hemisphere(normal, local.surface.normal);
                 point.normal_bent = true;
             }
-            if probe.is_active() {
+            if let Some((before, was)) = before {
                 let outwards = |n: DVec3| local.to_world.as_ref().map_or(n, |t| t.normal(n).normalize());
                 probe.texture(&TextureRead {
                     used,
@@ -211,7 +236,6 @@ impl World {
                 });
             }
         }
-        material.finish(&mut point);
         let in_world = |normal: DVec3, surface: &Surface| match &local.to_world {
             None => normal,
             Some(t) => clamp_to_hemisphere(t.normal(normal).normalize(), surface.normal),

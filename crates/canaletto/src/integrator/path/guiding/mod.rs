@@ -75,7 +75,7 @@ pub(crate) struct GuidingLeaf {
 }
 
 /// The density of directions at a vertex.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct GuidedVertex {
     /// The probability with which the path follows the density.
     pub(super) probability: f64,
@@ -89,6 +89,12 @@ pub(super) fn pdf_of_both(probability: f64, pdf_guide: f64, pdf_scattering: f64)
 }
 
 impl GuidedVertex {
+    /// The number in [0, 1) by which the surface chooses its lobe, of a number for which it isn't guided.
+    #[inline]
+    pub(super) fn u_of_surface(&self, u_lobe: f64) -> f64 {
+        ((u_lobe - self.probability) / (1.0 - self.probability)).min(1.0 - f64::EPSILON)
+    }
+
     /// A random unit direction for `u` of the unit square.
     pub(super) fn sample(&self, u: [f64; 2]) -> DVec3 {
         self.mixture.sample(u)

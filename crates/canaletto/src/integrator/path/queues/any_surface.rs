@@ -1,6 +1,6 @@
-//! Vertices of any kind of surface. The scattering of rough boundaries of clear bodies, which have a queue of their
-//! own, is evaluated in lanes; that of others one by one.
+//! Vertices of any kind of surface, whose scattering is evaluated one by one.
 
+use super::SurfaceVertices;
 use super::kernels::Arrived;
 use super::scattering::{Evaluated8, Materials8, Sampled8, Scattering8};
 use crate::integrator::path::PathTracer;
@@ -8,17 +8,16 @@ use crate::integrator::path::guiding::GuidingField;
 use crate::integrator::path::light_tree::Receiver;
 use crate::integrator::path::source_points::SourcePoints;
 use crate::integrator::path::vertex::{SurfaceVertex, Vertex};
-use crate::material::{BsdfSample, EvaluateBoundaries, SeenDielectric};
+use crate::material::BsdfSample;
 use crate::shape::{dvec3, set_bits, set_dvec3, set_vec3};
-use canaletto_bvh::lanes::{LANES, run_lanes};
 use glam::DVec3;
 
 /// Up to eight vertices.
 #[derive(Default)]
 pub(in super::super) struct AnySurfaces(Vec<SurfaceVertex>);
 
-impl AnySurfaces {
-    pub(super) fn push(&mut self, vertex: SurfaceVertex) {
+impl SurfaceVertices for AnySurfaces {
+    fn push(&mut self, vertex: SurfaceVertex) {
         self.0.push(vertex);
     }
 }
@@ -27,8 +26,6 @@ impl AnySurfaces {
 pub(super) struct AnyVertices<'a> {
     vertices: &'a [SurfaceVertex],
     arrived: &'a Arrived,
-    /// The boundaries, if all vertices are those of rough ones and no field guides them.
-    boundaries: Option<[&'a SeenDielectric; LANES]>,
 }
 
 impl Materials8 for AnySurfaces {
@@ -36,15 +33,8 @@ impl Materials8 for AnySurfaces {
 
     type Vertices<'a> = AnyVertices<'a>;
 
-    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, _: usize) -> AnyVertices<'a> {
-        let boundary = |lane: usize| self.0.get(lane).or(self.0.first())?.bsdf.rough_boundary();
-        let mut boundaries = None;
-        if let Some(first) = boundary(0).filter(|_| field.is_none()) {
-            let mut all = [first; LANES];
-            let known = (0..LANES).all(|lane| boundary(lane).map(|boundary| all[lane] = boundary).is_some());
-            boundaries = known.then_some(all);
-        }
-        AnyVertices { vertices: &self.0, arrived, boundaries }
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, _: Option<&GuidingField>, _: usize) -> AnyVertices<'a> {
+        AnyVertices { vertices: &self.0, arrived }
     }
 
     fn clear(&mut self) {
@@ -61,15 +51,8 @@ impl Scattering8 for AnyVertices<'_> {
         (0..).zip(self.vertices).map(|(lane, vertex)| u32::from(!vertex.is_delta) << lane).sum()
     }
 
-    fn evaluate(&self, points: &SourcePoints) -> Evaluated8 {
-        let mut evaluated = Evaluated8::NONE;
-        if let Some(boundaries) = self.boundaries {
-            let (f, pdf) = run_lanes(EvaluateBoundaries { boundaries, wi: &points.wi });
-            evaluated.f = [f; 3];
-            // Rays don't find lights, so their densities aren't asked for.
-            set_bits(points.found).for_each(|lane| evaluated.pdf[lane] = pdf[lane]);
-            return evaluated;
-        }
+    fn scatter(&self, points: &SourcePoints) -> (Evaluated8, Sampled8) {
+        let (mut evaluated, mut sampled) = (Evaluated8::NONE, Sampled8::NONE);
         for lane in set_bits(points.lit) {
             let (vertex, wi) = (&self.vertices[lane], dvec3(&points.wi, lane));
             let is_set = |bits: u32| bits >> lane & 1 == 1;
@@ -77,26 +60,7 @@ impl Scattering8 for AnyVertices<'_> {
             set_vec3(&mut evaluated.f, lane, f.to_array().into());
             evaluated.pdf[lane] = pdf.unwrap_or(1.0);
         }
-        evaluated
-    }
-
-    fn sample(&self) -> Sampled8 {
-        let mut sampled = Sampled8::NONE;
         let [u, v] = &self.arrived.u_direction;
-        if let Some(boundaries) = self.boundaries {
-            let mut chosen = 0;
-            for lane in 0..self.vertices.len() {
-                let direction = boundaries[lane].rough_direction(self.arrived.u_lobe[lane], [u[lane], v[lane]]);
-                let Some((wi, lobe)) = direction else { continue };
-                set_dvec3(&mut sampled.wi, lane, wi);
-                sampled.lobes[lane] = lobe;
-                chosen |= 1 << lane;
-            }
-            let (f, pdf) = run_lanes(EvaluateBoundaries { boundaries, wi: &sampled.wi });
-            (sampled.f, sampled.pdf) = ([f; 3], pdf);
-            sampled.valid = set_bits(chosen).filter(|lane| pdf[*lane] > 0.0).map(|lane| 1 << lane).sum();
-            return sampled;
-        }
         for (lane, vertex) in self.vertices.iter().enumerate() {
             let Some((sample, guiding)) = vertex.sample(self.arrived.u_lobe[lane], [u[lane], v[lane]]) else {
                 continue;
@@ -109,7 +73,7 @@ impl Scattering8 for AnyVertices<'_> {
             sampled.delta |= u32::from(sample.is_delta) << lane;
             sampled.lobes[lane] = sample.lobe;
         }
-        sampled
+        (evaluated, sampled)
     }
 
     fn inside_after(&self, tracer: &mut PathTracer, lane: usize, wi: DVec3) -> Option<[u32; 2]> {

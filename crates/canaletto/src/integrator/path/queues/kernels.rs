@@ -8,6 +8,7 @@ use super::super::trace::{ROULETTE_AFTER, survival, uses};
 use super::LANES;
 use super::scattering::{Evaluated8, Sampled8};
 use crate::integrator::visible_hit::Frame;
+use crate::material::FacetAxes;
 use crate::math::{Vector, offset_origins, saturated};
 use crate::sampler::{Dimension, Samples8};
 use crate::shape::{DVec3x8, SurfaceInputs8, Surfaces, Vec3x8, dvec3, set_dvec3};
@@ -28,7 +29,21 @@ pub(super) struct Arrived {
     pub(super) u_roulette: [f64; LANES],
 }
 
+/// The axes of the facets of eight vertices, and what is seen of them.
+pub(super) struct FacetFrames<F> {
+    pub(super) axes: FacetAxes<F>,
+    pub(super) facing: Vector<F>,
+    pub(super) wo: Vector<F>,
+}
+
 impl Arrived {
+    /// The vertices' facets, which are alike in all directions.
+    #[inline(always)]
+    pub(super) fn facet_frames<F: Real64>(&self) -> FacetFrames<F> {
+        let (wo, facing) = (Vector::load(&self.wo), Vector::load(&self.facing));
+        FacetFrames { axes: FacetAxes::isotropic(Vector::load(&self.normal), facing, wo), facing, wo }
+    }
+
     /// A vertex as lights see it.
     pub(super) fn receiver(&self, lane: usize) -> Receiver {
         Receiver { point: dvec3(&self.exact, lane), normal: dvec3(&self.normal, lane), two_sided: false }

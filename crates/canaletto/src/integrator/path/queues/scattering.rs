@@ -1,6 +1,6 @@
 //! The scattering of eight vertices of one kind of material.
 
-use super::kernels::Arrived;
+use super::kernels::{Arrived, FacetFrames};
 use super::{LANES, rgb};
 use crate::integrator::media::NONE;
 use crate::integrator::path::PathTracer;
@@ -8,11 +8,12 @@ use crate::integrator::path::guiding::{GuidedVertex, GuidingField, pdf_of_both};
 use crate::integrator::path::light_tree::Receiver;
 use crate::integrator::path::source_points::SourcePoints;
 use crate::material::{
-    BsdfSample, ConductorPoint, Lobe, MetalFacets, diffuse_direction, diffuse_pdf, diffuse_share, isotropic_axes,
+    BaseNumbers, BsdfSample, ConductorPoint, Lobe, LobeDirections, MetalFacets, OpaqueBase, OpaqueBaseLobes,
+    diffuse_direction, diffuse_pdf, diffuse_share,
 };
 use crate::math::Vector;
-use crate::shape::{DVec3x8, Vec3x8, dvec3, set_bits, set_dvec3, set_vec3};
-use canaletto_bvh::lanes::{LaneKernel, Real64, run_lanes};
+use crate::shape::{DVec3x8, Vec3x8, dvec3, set_bits, set_dvec3};
+use canaletto_bvh::lanes::{LaneKernel, Mask, Real64, run_lanes};
 use glam::DVec3;
 
 /// The materials of eight vertices of one kind.
@@ -74,11 +75,8 @@ pub(super) trait Scattering8 {
     /// A bit for each vertex that sources are sampled for.
     fn lit(&self) -> u32;
 
-    /// The light from sampled sources.
-    fn evaluate(&self, points: &SourcePoints) -> Evaluated8;
-
-    /// The directions that the vertices' random numbers choose.
-    fn sample(&self) -> Sampled8;
+    /// What the vertices send on of the light of sampled sources, and the directions that their random numbers choose.
+    fn scatter(&self, points: &SourcePoints) -> (Evaluated8, Sampled8);
 
     /// The bodies that a ray is in after it leaves a vertex: [`PathTracer::inside_after`].
     fn inside_after(&self, tracer: &mut PathTracer, lane: usize, wi: DVec3) -> Option<[u32; 2]>;
@@ -91,72 +89,110 @@ pub(super) trait Scattering8 {
 
 /// The lobes of eight opaque surfaces.
 pub(super) trait Lobes8 {
-    /// The lobe of the directions that surfaces choose.
-    const LOBE: Lobe;
+    /// The lobes in lanes, as their viewers see them.
+    type Seen<F: Real64>: SeenLobes<F>;
+
+    /// The lobe of directions that facets don't mirror to.
+    const NOT_MIRRORED: Lobe = Lobe::Diffuse;
 
     /// Whether a vertex scatters no light.
     fn is_black(&self, lane: usize) -> bool;
 
-    /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions. It has
-    /// to be `#[inline(always)]`.
-    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F);
-
-    /// The directions at `u` of the unit square. It has to be `#[inline(always)]`.
-    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F>;
-}
-
-struct Evaluate<'a, L> {
-    lobes: &'a L,
-    wi: &'a DVec3x8,
-}
-
-impl<L: Lobes8> LaneKernel for Evaluate<'_, L> {
-    type Answer = Evaluated8;
-
-    #[inline(always)]
-    fn run<F: Real64>(self) -> Evaluated8 {
-        let (f, pdf) = self.lobes.evaluate(Vector::<F>::load(self.wi));
-        let mut evaluated = Evaluated8::NONE;
-        f.store(&mut evaluated.f);
-        pdf.store(&mut evaluated.pdf);
-        evaluated
+    /// [`Scattering8::receiver`]
+    fn receiver(&self, arrived: &Arrived, lane: usize) -> Receiver {
+        arrived.receiver(lane)
     }
+
+    /// [`Scattering8::inside_after`]
+    #[inline(always)]
+    fn inside_after(&self, _: &mut PathTracer, _: usize, _: DVec3) -> Option<[u32; 2]> {
+        Some([NONE; 2])
+    }
+
+    /// The lobes in lanes. It has to be `#[inline(always)]`.
+    fn seen<F: Real64>(&self) -> Self::Seen<F>;
 }
 
-struct Directions<'a, L> {
+/// Lobes in lanes. The functions have to be `#[inline(always)]`.
+pub(super) trait SeenLobes<F: Real64> {
+    /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions.
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F);
+
+    /// The directions that the numbers choose: `u_lobe` of [0, 1) the lobe, and `u` of the unit square the direction
+    /// within it.
+    fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F>;
+}
+
+/// Evaluates the directions of sources, and samples directions.
+struct Scatter<'a, L> {
     lobes: &'a L,
+    to_sources: &'a DVec3x8,
+    u_lobe: &'a [f64; LANES],
     u: &'a [[f64; LANES]; 2],
+    /// The directions of guiding fields, and a bit for each vertex that takes one.
+    guided: &'a DVec3x8,
+    chosen: u32,
 }
 
-impl<L: Lobes8> LaneKernel for Directions<'_, L> {
-    type Answer = DVec3x8;
+/// What eight lobes send to sources, and the directions that they choose.
+struct Scattered {
+    towards_sources: Evaluated8,
+    sampled: Evaluated8,
+    wi: DVec3x8,
+    /// A bit for each lobe that has chosen a direction, and for each that mirrors to it.
+    valid: u32,
+    mirrored: u32,
+}
+
+impl<L: Lobes8> LaneKernel for Scatter<'_, L> {
+    type Answer = Scattered;
 
     #[inline(always)]
-    fn run<F: Real64>(self) -> DVec3x8 {
+    fn run<F: Real64>(self) -> Scattered {
+        let lobes = self.lobes.seen::<F>();
+        let mut scattered = Scattered {
+            towards_sources: Evaluated8::NONE,
+            sampled: Evaluated8::NONE,
+            wi: [[0.0; LANES]; 3],
+            valid: 0,
+            mirrored: 0,
+        };
+        let (f, pdf) = lobes.eval_and_pdf(Vector::load(self.to_sources));
+        f.store(&mut scattered.towards_sources.f);
+        pdf.store(&mut scattered.towards_sources.pdf);
         let [u, v] = self.u;
-        let mut wi = [[0.0; LANES]; 3];
-        self.lobes.directions([F::load(u), F::load(v)]).store(&mut wi);
-        wi
+        let LobeDirections { wi, is_valid, is_mirrored } =
+            lobes.directions(F::load(self.u_lobe), [F::load(u), F::load(v)]);
+        let chosen = F::Mask::from_bits(self.chosen);
+        let wi = Vector::select(chosen, Vector::load(self.guided), wi);
+        wi.store(&mut scattered.wi);
+        let (f, pdf) = lobes.eval_and_pdf(wi);
+        f.store(&mut scattered.sampled.f);
+        pdf.store(&mut scattered.sampled.pdf);
+        // A surface's own direction that it doesn't scatter to has no density.
+        scattered.valid = (is_valid & F::splat(0.0).less(pdf) | chosen).bits();
+        scattered.mirrored = (is_mirrored & !chosen).bits();
+        scattered
     }
 }
 
-/// Eight opaque vertices, and where light comes from there as far as that was learnt.
-pub(super) struct OpaqueVertices<'a, L> {
-    lobes: L,
-    arrived: &'a Arrived,
-    len: usize,
-    guides: Option<Box<[Option<GuidedVertex>; LANES]>>,
+/// Eight vertices, and where light comes from there as far as that was learnt.
+pub(super) struct LaneVertices<'a, L> {
+    pub(super) lobes: L,
+    pub(super) arrived: &'a Arrived,
+    pub(super) len: usize,
+    pub(super) guides: Option<Box<[Option<GuidedVertex>; LANES]>>,
 }
 
-impl<'a, L: Lobes8> OpaqueVertices<'a, L> {
-    fn new(lobes: L, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> OpaqueVertices<'a, L> {
+impl<'a, L: Lobes8> LaneVertices<'a, L> {
+    fn new(lobes: L, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> LaneVertices<'a, L> {
         let guide = |field: &GuidingField, lane: usize| {
             let receiver = arrived.receiver(lane);
             let is_lit = lane < len && !lobes.is_black(lane);
             is_lit.then(|| field.at(receiver.point, Some(receiver.normal))).flatten()
         };
         let guides = field.map(|field| Box::new(std::array::from_fn(|lane| guide(field, lane))));
-        OpaqueVertices { lobes, arrived, len, guides }
+        LaneVertices { lobes, arrived, len, guides }
     }
 
     /// The guides of the vertices that have one.
@@ -166,49 +202,53 @@ impl<'a, L: Lobes8> OpaqueVertices<'a, L> {
     }
 }
 
-impl<L: Lobes8> Scattering8 for OpaqueVertices<'_, L> {
+impl<L: Lobes8> Scattering8 for LaneVertices<'_, L> {
     fn receiver(&self, lane: usize) -> Receiver {
-        self.arrived.receiver(lane)
+        self.lobes.receiver(self.arrived, lane)
     }
 
     fn lit(&self) -> u32 {
         (0..self.len).map(|lane| u32::from(!self.lobes.is_black(lane)) << lane).sum()
     }
 
-    fn evaluate(&self, points: &SourcePoints) -> Evaluated8 {
-        let mut evaluated = run_lanes(Evaluate { lobes: &self.lobes, wi: &points.wi });
+    fn scatter(&self, points: &SourcePoints) -> (Evaluated8, Sampled8) {
+        let Arrived { u_direction: [u, v], .. } = self.arrived;
+        let (mut guided, mut chosen, mut u_lobe) = ([[0.0; LANES]; 3], 0, self.arrived.u_lobe);
         for (lane, guide) in self.guides() {
-            let pdf = guide.pdf(dvec3(&points.wi, lane));
-            evaluated.pdf[lane] = pdf_of_both(guide.probability, pdf, evaluated.pdf[lane]);
-        }
-        evaluated
-    }
-
-    fn sample(&self) -> Sampled8 {
-        let [u, v] = &self.arrived.u_direction;
-        let (mut wi, mut chosen) = (run_lanes(Directions { lobes: &self.lobes, u: &self.arrived.u_direction }), 0);
-        for (lane, guide) in self.guides() {
-            if self.arrived.u_lobe[lane] < guide.probability {
-                set_dvec3(&mut wi, lane, guide.sample([u[lane], v[lane]]));
+            if u_lobe[lane] < guide.probability {
+                set_dvec3(&mut guided, lane, guide.sample([u[lane], v[lane]]));
                 chosen |= 1 << lane;
+            } else {
+                u_lobe[lane] = guide.u_of_surface(u_lobe[lane]);
             }
         }
-        let Evaluated8 { f, mut pdf } = run_lanes(Evaluate { lobes: &self.lobes, wi: &wi });
-        // A surface's own direction that it doesn't scatter to has no density.
-        let valid = (0..self.len).map(|lane| u32::from(pdf[lane] > 0.0) << lane).sum::<u32>() | chosen;
-        let (mut guided, mut lobes) = ([1.0; LANES], [L::LOBE; LANES]);
+        let Scattered { mut towards_sources, mut sampled, wi, valid, mirrored } = run_lanes(Scatter {
+            lobes: &self.lobes,
+            to_sources: &points.wi,
+            u_lobe: &u_lobe,
+            u: &self.arrived.u_direction,
+            guided: &guided,
+            chosen,
+        });
+        let mut gain = [1.0; LANES];
         for (lane, guide) in self.guides() {
-            let own = pdf[lane];
-            pdf[lane] = pdf_of_both(guide.probability, guide.pdf(dvec3(&wi, lane)), own);
-            guided[lane] = (pdf[lane] / own) as f32;
+            let pdf = guide.pdf(dvec3(&points.wi, lane));
+            towards_sources.pdf[lane] = pdf_of_both(guide.probability, pdf, towards_sources.pdf[lane]);
+            let own = sampled.pdf[lane];
+            sampled.pdf[lane] = pdf_of_both(guide.probability, guide.pdf(dvec3(&wi, lane)), own);
+            gain[lane] = (sampled.pdf[lane] / own) as f32;
         }
+        let mut lobes = [L::NOT_MIRRORED; LANES];
         set_bits(chosen).for_each(|lane| lobes[lane] = Lobe::Diffuse);
-        Sampled8 { wi, f, pdf, guided, lobes, valid, delta: 0 }
+        set_bits(mirrored).for_each(|lane| lobes[lane] = Lobe::Mirror);
+        let Evaluated8 { f, pdf } = sampled;
+        let valid = valid & ((1 << self.len) - 1);
+        (towards_sources, Sampled8 { wi, f, pdf, guided: gain, lobes, valid, delta: 0 })
     }
 
     #[inline(always)]
-    fn inside_after(&self, _: &mut PathTracer, _: usize, _: DVec3) -> Option<[u32; 2]> {
-        Some([NONE; 2])
+    fn inside_after(&self, tracer: &mut PathTracer, lane: usize, wi: DVec3) -> Option<[u32; 2]> {
+        self.lobes.inside_after(tracer, lane, wi)
     }
 
     #[inline(always)]
@@ -229,30 +269,45 @@ pub(super) struct DiffuseLobes<'a> {
     arrived: &'a Arrived,
 }
 
+/// Diffuse lobes in lanes.
+pub(super) struct SeenDiffuse<F: Real64> {
+    kd: Vector<F::Narrow>,
+    normal: Vector<F>,
+    facing: Vector<F>,
+}
+
 impl Materials8 for Diffuse {
-    type Vertices<'a> = OpaqueVertices<'a, DiffuseLobes<'a>>;
+    type Vertices<'a> = LaneVertices<'a, DiffuseLobes<'a>>;
 
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
-        OpaqueVertices::new(DiffuseLobes { kd: &self.kd, arrived }, arrived, field, len)
+        LaneVertices::new(DiffuseLobes { kd: &self.kd, arrived }, arrived, field, len)
     }
 }
 
 impl Lobes8 for DiffuseLobes<'_> {
-    const LOBE: Lobe = Lobe::Diffuse;
+    type Seen<F: Real64> = SeenDiffuse<F>;
 
     fn is_black(&self, lane: usize) -> bool {
         rgb(self.kd, lane).is_black()
     }
 
     #[inline(always)]
-    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
-        let (normal, facing) = (Vector::load(&self.arrived.normal), Vector::load(&self.arrived.facing));
-        (Vector::load(self.kd) * diffuse_share(normal, facing, wi), diffuse_pdf(normal, wi))
+    fn seen<F: Real64>(&self) -> SeenDiffuse<F> {
+        let Arrived { normal, facing, .. } = self.arrived;
+        SeenDiffuse { kd: Vector::load(self.kd), normal: Vector::load(normal), facing: Vector::load(facing) }
+    }
+}
+
+impl<F: Real64> SeenLobes<F> for SeenDiffuse<F> {
+    #[inline(always)]
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        (self.kd * diffuse_share(self.normal, self.facing, wi), diffuse_pdf(self.normal, wi))
     }
 
     #[inline(always)]
-    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F> {
-        diffuse_direction(Vector::load(&self.arrived.normal), u)
+    fn directions(&self, _: F, u: [F; 2]) -> LobeDirections<F> {
+        let wi = diffuse_direction(self.normal, u);
+        LobeDirections { wi, is_valid: F::Mask::splat(true), is_mirrored: F::Mask::splat(false) }
     }
 }
 
@@ -269,44 +324,86 @@ pub(super) struct MetalLobes<'a> {
 }
 
 impl Materials8 for Metals {
-    type Vertices<'a> = OpaqueVertices<'a, MetalLobes<'a>>;
+    type Vertices<'a> = LaneVertices<'a, MetalLobes<'a>>;
 
     fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
-        OpaqueVertices::new(MetalLobes { points: &self.points, arrived }, arrived, field, len)
-    }
-}
-
-impl MetalLobes<'_> {
-    /// The facets as the viewers see them, without the factors of what they reflect.
-    #[inline(always)]
-    fn facets<F: Real64>(&self) -> MetalFacets<F> {
-        let Arrived { wo, normal, facing, .. } = self.arrived;
-        let (wo, facing) = (Vector::load(wo), Vector::load(facing));
-        let [mut eta, mut k] = [[[0.0; LANES]; 3]; 2];
-        for (lane, point) in self.points.iter().enumerate() {
-            set_vec3(&mut eta, lane, point.eta.to_array().into());
-            set_vec3(&mut k, lane, point.k.to_array().into());
-        }
-        let alpha = F::gather(|lane| self.points[lane].alpha);
-        let axes = isotropic_axes(Vector::load(normal), facing, wo);
-        MetalFacets::new(Vector::load(&eta), Vector::load(&k), alpha, facing, axes, wo)
+        LaneVertices::new(MetalLobes { points: &self.points, arrived }, arrived, field, len)
     }
 }
 
 impl Lobes8 for MetalLobes<'_> {
-    const LOBE: Lobe = Lobe::Mirror;
+    type Seen<F: Real64> = MetalFacets<F>;
 
     fn is_black(&self, _: usize) -> bool {
         false
     }
 
     #[inline(always)]
-    fn evaluate<F: Real64>(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
-        self.facets::<F>().returning(|lane, cos| self.points[lane].returned(cos)).eval_and_pdf(wi)
+    fn seen<F: Real64>(&self) -> MetalFacets<F> {
+        let FacetFrames { axes, facing, wo } = self.arrived.facet_frames();
+        MetalFacets::gather(|lane| &self.points[lane], facing, axes, wo)
+    }
+}
+
+impl<F: Real64> SeenLobes<F> for MetalFacets<F> {
+    #[inline(always)]
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        self.eval_and_pdf(wi)
     }
 
     #[inline(always)]
-    fn directions<F: Real64>(&self, u: [F; 2]) -> Vector<F> {
-        self.facets::<F>().direction(u)
+    fn directions(&self, _: F, u: [F; 2]) -> LobeDirections<F> {
+        let wi = self.direction(u);
+        LobeDirections { wi, is_valid: F::Mask::splat(true), is_mirrored: F::Mask::splat(true) }
+    }
+}
+
+/// Eight standard surfaces that are an opaque base alone.
+#[derive(Default)]
+pub(in super::super) struct OpaqueBases {
+    pub(super) points: [OpaqueBase; LANES],
+}
+
+/// Eight vertices of such surfaces.
+pub(super) struct OpaqueBaseVertices<'a> {
+    points: &'a [OpaqueBase; LANES],
+    arrived: &'a Arrived,
+    len: usize,
+}
+
+impl Materials8 for OpaqueBases {
+    const HAS_LOBES: bool = true;
+
+    type Vertices<'a> = LaneVertices<'a, OpaqueBaseVertices<'a>>;
+
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
+        LaneVertices::new(OpaqueBaseVertices { points: &self.points, arrived, len }, arrived, field, len)
+    }
+}
+
+impl Lobes8 for OpaqueBaseVertices<'_> {
+    type Seen<F: Real64> = OpaqueBaseLobes<F>;
+
+    fn is_black(&self, _: usize) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn seen<F: Real64>(&self) -> OpaqueBaseLobes<F> {
+        let FacetFrames { axes, facing, wo } = self.arrived.facet_frames();
+        let numbers = BaseNumbers::gather(|lane| &self.points[lane]);
+        OpaqueBaseLobes::new(numbers, (1 << self.len) - 1, (axes, facing), wo)
+    }
+}
+
+impl<F: Real64> SeenLobes<F> for OpaqueBaseLobes<F> {
+    #[inline(always)]
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        self.eval_and_pdf(wi)
+    }
+
+    #[inline(always)]
+    fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F> {
+        self.directions(u_lobe, u)
     }
 }
