@@ -152,7 +152,8 @@ impl World {
     }
 
     /// The surface and [`World::textured`] of an opaque material, for integrators of physics: a standard surface comes
-    /// without the classic numbers nearest to it. `step` finds the offsets along the surface to the neighbouring samples.
+    /// without the classic numbers nearest to it. `step` finds the offsets along the surface to the neighbouring
+    /// samples.
     #[inline(never)]
     pub(crate) fn textured_physics(
         &self,
