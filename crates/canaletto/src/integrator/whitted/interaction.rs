@@ -2,10 +2,8 @@
 
 use super::Whitted;
 use super::ray_state::{PathState, RayState};
-use crate::integrator::Probe;
-use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, background, visible_hit};
+use crate::integrator::visible_hit::{Footprint, Frame, VisibleHit, visible_hit};
 use crate::material::MaterialPoint;
-use crate::math::Rgb;
 use crate::sampler::Sample;
 use crate::world::Hit;
 
@@ -44,24 +42,11 @@ impl<'a> SurfaceInteraction<'a> {
 }
 
 impl Whitted<'_> {
-    /// The first surface that a ray sees.
-    pub(super) fn intersect<P: Probe + ?Sized>(&mut self, ray: &RayState, probe: &mut P) -> Option<VisibleHit> {
+    /// The first surface that a ray sees, which isn't counted.
+    pub(super) fn seen_by(&mut self, ray: &RayState) -> Option<VisibleHit> {
         let found = self.world.intersect_at(&ray.ray, f32::INFINITY, self.time);
-        let PathState { kind, inside, first_crossing, .. } = ray.path_state;
+        let PathState { inside, first_crossing, .. } = ray.path_state;
         let arriving = (ray.line, ray.ray, found, ray.differential.as_ref());
-        let visible_hit =
-            visible_hit(self.world, &mut self.media, arriving, [inside, first_crossing], self.time, probe);
-        let count = self.counts.of_mut(kind);
-        count.traced += 1;
-        count.hit += u64::from(visible_hit.is_some());
-        visible_hit
-    }
-
-    /// The colour of a ray that hits nothing.
-    pub(super) fn background<P: Probe + ?Sized>(&self, ray: &RayState, probe: &mut P) -> Rgb {
-        if let Some(backdrop) = self.backdrop.filter(|_| ray.path_state.is_straight) {
-            return backdrop;
-        }
-        background(self.world, ray.line.direction, ray.differential.as_ref(), probe)
+        visible_hit(self.world, &mut self.media, arriving, [inside, first_crossing], self.time, &mut ())
     }
 }

@@ -1,15 +1,14 @@
 //! The chapter's recursive ray tracing (box 5.8; Whitted 1980). `trace` finds the nearest surface. `shade` sums (5.39b)
 //! there and calls `trace` for mirrors and clear bodies.
 //!
-//! [`trace`] holds the recursion as the chapter writes it. A probe observes it. Pictures are made by [`wave`], which
-//! traces many rays side by side and gives equal bits.
+//! [`trace`] holds the recursion as the chapter writes it, for many rays side by side, or for one with a probe that
+//! observes it.
 //!
 //! Deviations from the chapter: the normal faces the viewer; a shadow ray passes clear surfaces by their 1 − o; beyond
 //! the critical angle the reflected ray inside carries 1 − o. Products and sums that overflow stay at the largest
 //! number ([`Rgb::saturated`]), so no colour is infinite or NaN.
 
 mod description;
-mod direct;
 mod interaction;
 mod ray_state;
 mod secondary;
@@ -21,7 +20,6 @@ mod wave;
 use super::media::Media;
 use super::shading::{DiffuseLight, EmitterReceiver, ShadowLookup};
 use super::{Cancelled, EmittersTerm, PreparedRayIntegrator, Probe, RayCounts};
-use crate::light::PreparedLight;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::{Sample, Sampler};
 use crate::scene::{Stage, WhittedSettings};
@@ -53,8 +51,6 @@ pub struct Whitted<'w> {
     sample: Sample,
     /// The time of the sample, from 0 (the shutter opens) to 1 (it closes). The rays of waves have times of their own.
     time: f32,
-    /// The world's lights at that time; empty if no light moves.
-    lights: Vec<PreparedLight>,
     /// The media that rays are in.
     media: Media,
     /// The solution whose light takes the place of ambient light.
@@ -81,7 +77,6 @@ impl<'w> Whitted<'w> {
             occluders: vec![OccluderCache::NONE; world.lights.len()],
             sample: Sampler::new(0, 0, [0; 2]).sample(0, 1),
             time: 0.0,
-            lights: if world.lights_move() { world.lights.clone() } else { Vec::new() },
             media: Media::default(),
             solution: None,
             waves: Waves::default(),
@@ -97,14 +92,6 @@ impl<'w> Whitted<'w> {
     fn light_count(&self) -> u32 {
         let has_lights = self.solution.is_none_or(|solution| solution.takes_lights());
         if has_lights { self.world.lights.len() as u32 } else { 0 }
-    }
-
-    /// Iₐ of (5.33), or the light of the solution in its place.
-    fn ambient(&self, at: &SurfaceInteraction) -> Rgb {
-        match self.solution {
-            None => self.world.ambient,
-            Some(solution) => solution.light_at(at.hit, at.frame.exact, at.frame.outside),
-        }
     }
 
     /// The light of emitting surfaces at an interaction, after shadows.
@@ -145,11 +132,7 @@ impl<'w> Whitted<'w> {
     /// shutter opens) to 1 (it closes).
     #[inline]
     pub fn begin(&mut self, sample: Sample, time: f32) {
-        self.sample = sample;
-        if time != self.time {
-            self.time = time;
-            self.world.move_lights(&mut self.lights, time);
-        }
+        (self.sample, self.time) = (sample, time);
     }
 
     /// The colour along a camera ray. `differential` is the ray differential to the neighbouring samples; it is needed
@@ -162,7 +145,12 @@ impl<'w> Whitted<'w> {
     ) -> Rgb {
         self.poll(1);
         let ray = self.eye_ray(line.into(), differential.copied());
-        self.trace(&ray, probe)
+        let mut wave = self.waves.wave();
+        wave.push(ray, (self.world, self.time), 0);
+        self.trace(&mut wave, probe);
+        let color = wave.colors[0];
+        self.waves.spare.push(wave);
+        color
     }
 
     /// A camera ray of the current sample.
@@ -178,9 +166,8 @@ impl<'w> Whitted<'w> {
     /// The share of the background's light that reaches the eye straight on along a camera ray: past holes, partial
     /// coverage, and clear bodies of the η around them.
     fn seen_through(&mut self, line: DRay) -> f32 {
-        let counts = self.counts;
         let (mut ray, mut share) = (self.eye_ray(line, None), 1.0);
-        while let Some(visible_hit) = self.intersect(&ray, &mut ()) {
+        while let Some(visible_hit) = self.seen_by(&ray) {
             if self.world.material(&visible_hit.hit).shadow_catcher {
                 break;
             }
@@ -201,7 +188,6 @@ impl<'w> Whitted<'w> {
                 }
             }
         }
-        self.counts = counts;
         share
     }
 

@@ -1,96 +1,146 @@
-//! Box 5.8: the chapter's recursive ray tracing, one ray after the other. Pictures are made by [`wave`](super::wave),
-//! which takes the same steps for many rays side by side; both give equal bits.
+//! Box 5.8: the chapter's recursive ray tracing. Its text is one for pictures and for probes. A [`Wave`] holds the rays
+//! of one step: camera rays of neighbouring samples, then the mirrored rays from there, then the refracted rays. Each
+//! takes the steps of its own ray tree, so its colour doesn't depend on the others. A probe observes a wave of one ray,
+//! and hears of the steps in the order of the tree.
 
 use super::Whitted;
 use super::interaction::SurfaceInteraction;
 use super::ray_state::RayState;
+use super::wave::Wave;
 use crate::integrator::Probe;
-use crate::math::Rgb;
+use crate::material::MaterialPoint;
 use crate::scene::Stage;
 
-impl Whitted<'_> {
-    /// `trace`: the colour along a ray.
-    pub(super) fn trace<P: Probe + ?Sized>(&mut self, ray: &RayState, probe: &mut P) -> Rgb {
-        probe.ray(ray.path_state.kind, &ray.ray, ray.path_state.depth, ray.path_state.attenuation);
-        let Some(visible_hit) = self.intersect(ray, probe) else {
-            let background = self.background(ray, probe);
-            probe.miss(background);
-            probe.end(background);
-            return background;
-        };
-        let at = SurfaceInteraction::new(&visible_hit, ray);
-        probe.hit(at.hit, &visible_hit.surface, at.material, at.frame.outside);
-        let mut color = self.shade_under_overlay(&at, probe);
-        let coverage = at.material.coverage;
-        if coverage < 1.0 {
-            probe.coverage(coverage);
-            color = (color * coverage + self.follow(&at, Self::passed_ray, probe)).saturated();
-        }
-        probe.end(color);
-        color
-    }
+/// Whether (5.39b) adds a mirrored ray.
+fn is_seen_mirror(material: &MaterialPoint) -> bool {
+    material.is_seen() && material.is_mirror()
+}
 
-    /// [`Whitted::shade`] under the material's overlay.
-    pub(super) fn shade_under_overlay<P: Probe + ?Sized>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
-        let color = self.shade(at, probe);
-        let (overlay, share) = at.material.overlay;
-        if share > 0.0 {
-            probe.overlay(overlay, share);
+/// Whether (5.39b) adds a refracted ray.
+fn is_seen_clear(material: &MaterialPoint) -> bool {
+    material.is_seen() && material.is_clear()
+}
+
+/// Whether part of the surface is missing.
+fn is_partial(material: &MaterialPoint) -> bool {
+    material.coverage < 1.0
+}
+
+impl Whitted<'_> {
+    /// `trace`: sets the colours to those of the nearest surfaces, or to the background.
+    pub(super) fn trace<P: Probe + ?Sized>(&mut self, wave: &mut Wave, probe: &mut P) {
+        self.intersect(wave, probe);
+        if wave.interactions.len() == 0 {
+            return;
         }
-        at.material.under_overlay(color)
+        if !self.is_cancelled {
+            self.shade(wave, probe);
+        }
+        let mut is_any_partial = false;
+        for interaction in wave.interactions.all_mut() {
+            interaction.color = interaction.under_overlay(probe);
+            let coverage = interaction.material.coverage;
+            if coverage < 1.0 {
+                probe.coverage(coverage);
+                interaction.color *= coverage;
+                is_any_partial = true;
+            }
+        }
+        if is_any_partial {
+            self.follow(wave, is_partial, Self::passed_ray, probe);
+            for interaction in wave.interactions.all_mut().iter_mut().filter(|i| is_partial(&i.material)) {
+                interaction.color = interaction.color.saturated();
+            }
+        }
+        for interaction in wave.interactions.each() {
+            wave.colors[interaction.ray_index()] = interaction.color;
+            probe.end(interaction.color);
+        }
     }
 
     /// `shade`: (5.39b), up to the stage of the settings. Under an opaque overlay nothing of it is visible.
-    fn shade<P: Probe + ?Sized>(&mut self, at: &SurfaceInteraction, probe: &mut P) -> Rgb {
-        let (stage, phong, mut color) = (self.settings.stage, &at.material.classic, Rgb::BLACK);
-        if !at.material.is_seen() || self.is_cancelled {
-            return color;
-        }
+    pub(super) fn shade<P: Probe + ?Sized>(&mut self, wave: &mut Wave, probe: &mut P) {
+        let stage = self.settings.stage;
         if stage == Stage::Unlit {
-            probe.unlit(phong.kd);
-            return phong.kd;
+            for interaction in wave.interactions.seen_mut() {
+                let kd = interaction.material.classic.kd;
+                probe.unlit(kd);
+                interaction.color = kd;
+            }
+            return;
         }
         if stage >= Stage::Ambient {
-            let ambient = (self.ambient(at) * phong.kd).saturated(); // (5.33)
-            probe.ambient(ambient);
-            color += ambient;
+            self.add_ambient(wave, probe); // (5.33)
         }
-        if let Some(term) = self.emitters(at) {
-            probe.emitters(&term);
-            color = (color + term.contribution).saturated();
+        if self.world.may_emit() {
+            wave.interactions.add_emission(probe);
         }
-        let emission = at.material.emitted(at.frame.outside);
-        if !emission.is_black() {
-            probe.emission(emission);
-            color = (color + emission).saturated();
+        self.add_lights(wave, probe); // (5.39a)
+        if stage >= Stage::Reflection {
+            self.follow(wave, is_seen_mirror, Self::reflected_ray, probe); // k trace(p, r)
         }
-        for light in 0..self.light_count() {
-            for point in 0..self.world.lights[light as usize].points() {
-                color = (color + self.light(at, light, point, probe)).saturated(); // (5.39a)
-            }
+        if stage >= Stage::Full {
+            self.follow(wave, is_seen_clear, Self::refracted_ray, probe); // (1 − o) trace(p, t)
         }
-        if stage >= Stage::Reflection && at.material.is_mirror() {
-            color += self.follow(at, Self::reflected_ray, probe); // k trace(p, r)
+        for interaction in wave.interactions.seen_mut() {
+            interaction.color = interaction.color.saturated();
         }
-        if stage >= Stage::Full && at.material.is_clear() {
-            color += self.follow(at, Self::refracted_ray, probe); // (1 − o) trace(p, t)
-        }
-        color.saturated()
     }
 
-    /// The light along a child ray, times the ray's factor; black if the tree ends at this surface.
+    /// Traces the rays that `child` returns for the interactions whose material `has_child`, and adds their light times
+    /// their factors to the interactions' colours. The tree ends where there is no ray.
     fn follow<P: Probe + ?Sized>(
         &mut self,
-        at: &SurfaceInteraction,
+        wave: &mut Wave,
+        has_child: impl Fn(&MaterialPoint) -> bool,
         child: impl Fn(&mut Self, &SurfaceInteraction, &mut P) -> Option<RayState>,
         probe: &mut P,
-    ) -> Rgb {
+    ) {
+        let mut children = self.waves.wave();
         let mark = self.media.mark();
-        let color = match child(self, at, probe) {
-            Some(ray) => (self.trace(&ray, probe) * ray.path_state.attenuation).saturated(),
-            None => Rgb::BLACK,
-        };
+        for index in 0..wave.interactions.len() {
+            if has_child(&wave.interactions.each()[index].material)
+                && let Some(ray) = child(self, &wave.at(index), probe)
+            {
+                children.push(ray, (self.world, wave.interactions.each()[index].hit.time), index);
+            }
+        }
+        if !children.batch.is_empty() {
+            self.trace(&mut children, probe);
+            for (ray_index, (color, &parent)) in children.colors.iter().zip(&children.parents).enumerate() {
+                wave.interactions.all_mut()[parent as usize].color +=
+                    (*color * children.batch.path_state(ray_index).attenuation).saturated();
+            }
+        }
+        self.waves.spare.push(children);
         self.media.release(mark);
-        color
+    }
+
+    /// The ambient light, or that of a radiosity solution and of its emitters in its place.
+    fn add_ambient<P: Probe + ?Sized>(&mut self, wave: &mut Wave, probe: &mut P) {
+        let Some(solution) = self.solution else {
+            for interaction in wave.interactions.seen_mut() {
+                let ambient = (self.world.ambient * interaction.material.classic.kd).saturated();
+                probe.ambient(ambient);
+                interaction.color += ambient;
+            }
+            return;
+        };
+        for index in 0..wave.interactions.len() {
+            if !wave.interactions.each()[index].material.is_seen() {
+                continue;
+            }
+            let at = wave.at(index);
+            let light = solution.light_at(at.hit, at.frame.exact, at.frame.outside);
+            let ambient = (light * at.material.classic.kd).saturated();
+            probe.ambient(ambient);
+            let emitters = self.emitters(&at);
+            let color = &mut wave.interactions.all_mut()[index].color;
+            *color += ambient;
+            if let Some(term) = emitters {
+                probe.emitters(&term);
+                *color = (*color + term.contribution).saturated();
+            }
+        }
     }
 }

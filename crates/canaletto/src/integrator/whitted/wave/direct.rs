@@ -1,17 +1,19 @@
-//! Direct lighting of a wave: the light that reaches interactions (5.39a).
+//! Direct lighting: the light that reaches the interactions of a wave (5.39a).
 
 use super::Wave;
 use super::interactions::Interactions;
-use super::interactions8::{Interactions8, LANES, LightSamples8};
+use super::interactions8::{Interactions8, LANES, LightSamples8, contribution, lit};
 use crate::integrator::media::NONE;
 use crate::integrator::whitted::Whitted;
 use crate::integrator::whitted::ray_state::uses;
+use crate::integrator::{LightTerm, Probe};
 use crate::light::{Illumination, PreparedLight};
 use crate::material::highlights;
-use crate::math::RayDifferential;
+use crate::math::{RayDifferential, Rgb};
 use crate::scene::Stage;
 use crate::shape::{set_bits, vec3};
 use crate::world::{Occlusion, World};
+use canaletto_bvh::Ray;
 
 /// Buffers for the lighting of one wave.
 #[derive(Default)]
@@ -65,8 +67,7 @@ impl Lighting {
         for (samples8, interactions8) in light_samples.iter_mut().zip(interactions8) {
             samples8.evaluate(interactions8);
             for lane in set_bits(samples8.lit & interactions8.normal_bent) {
-                // Light from behind the surface, though not from behind its bent normal, doesn't arrive.
-                if interactions8.facing(lane).dot(samples8.direction(lane)) <= 0.0 {
+                if interactions8.is_below(lane, samples8.direction(lane)) {
                     samples8.mask_out(lane);
                 }
             }
@@ -113,6 +114,55 @@ impl Lighting {
     }
 }
 
+impl Lighting {
+    /// Tells a probe the terms of a light's point.
+    fn report<P: Probe + ?Sized>(
+        &self,
+        (light, point): (u32, u32),
+        (source, stage): (&PreparedLight, Stage),
+        wave: &Wave,
+        probe: &mut P,
+    ) {
+        for (index, interaction) in wave.interactions.each().iter().enumerate().filter(|(_, i)| i.is_seen()) {
+            let (number, lane) = (index / LANES, index % LANES);
+            let (samples8, interactions8) = (&self.light_samples[number], &wave.interactions.interactions8()[number]);
+            let (phong, intensity, direction) =
+                (&interaction.material.classic, samples8.intensity(lane), samples8.direction(lane));
+            let (n_dot_l, r_dot_l, f_s) = (samples8.n_dot_l[lane], samples8.r_dot_l[lane], samples8.f_s[lane]);
+            let is_before = n_dot_l > 0.0 && !intensity.is_black();
+            let arrives = samples8.lit >> lane & 1 == 1;
+            let mut term = LightTerm {
+                light,
+                point,
+                sampled: self.arriving.get(index).filter(|_| source.is_sampled()).and_then(|light| light.position),
+                direction: direction.as_vec3(),
+                distance: samples8.distance[lane],
+                intensity,
+                n_dot_l,
+                behind: is_before && interactions8.is_below(lane, direction),
+                r_dot_l,
+                f_s,
+                diffuse: Rgb::BLACK,
+                specular: Rgb::BLACK,
+                contribution: Rgb::BLACK,
+            };
+            if arrives {
+                let is_shiny = stage >= Stage::Specular && !phong.ks.is_black() && (r_dot_l > 0.0 || phong.n == 0.0);
+                let mut highlight = [if is_shiny { r_dot_l } else { 0.0 }];
+                if is_shiny {
+                    highlights(&mut highlight, &[phong.n]); // cosⁿα of (5.38)
+                }
+                let [l, kd, ks] = [intensity, phong.kd, phong.ks].map(Rgb::to_array);
+                let both = [0, 1, 2].map(|c: usize| lit(l[c], [kd[c], n_dot_l], [ks[c], highlight[0]]));
+                term.diffuse = both.map(|[diffuse, _]| diffuse).into();
+                term.specular = both.map(|[_, specular]| specular).into();
+                term.contribution = both.map(|both| contribution(both, f_s)).into();
+            }
+            probe.light(&term);
+        }
+    }
+}
+
 /// The differential of the shadow ray from an interaction, if anything uses it.
 fn shadow_differential(wave: &Wave, samples8: &LightSamples8, interaction: usize) -> Option<RayDifferential> {
     let (footprint, lane) = (wave.footprints.get(interaction)?, interaction % LANES);
@@ -121,7 +171,7 @@ fn shadow_differential(wave: &Wave, samples8: &LightSamples8, interaction: usize
 
 impl Whitted<'_> {
     /// Adds the light of all lights, one light point after the other.
-    pub(super) fn light_wave(&mut self, wave: &mut Wave) {
+    pub(in crate::integrator::whitted) fn add_lights<P: Probe + ?Sized>(&mut self, wave: &mut Wave, probe: &mut P) {
         if self.light_count() == 0 {
             return;
         }
@@ -141,12 +191,16 @@ impl Whitted<'_> {
                     break 'lights;
                 }
                 lighting.sample(&self.world.lights[light as usize], (light, point), wave);
-                self.shadow_wave(&mut lighting, light, wave);
+                self.shadow(&mut lighting, light, wave, probe);
                 let interactions8 = wave.interactions.both().1;
                 if self.settings.stage >= Stage::Specular {
                     lighting.highlights(interactions8);
                 }
-                LightSamples8::add(&lighting.light_samples, interactions8);
+                if probe.is_active() {
+                    let source = &self.world.lights[light as usize];
+                    lighting.report((light, point), (source, self.settings.stage), wave, probe);
+                }
+                LightSamples8::add(&lighting.light_samples, wave.interactions.both().1);
             }
         }
         let (interactions, interactions8) = wave.interactions.both();
@@ -160,8 +214,13 @@ impl Whitted<'_> {
         self.waves.lighting = lighting;
     }
 
+    /// Whether shadow rays are traced to a light.
+    fn casts_shadows(&self, light: u32) -> bool {
+        self.settings.stage >= Stage::Shadow && self.settings.shadows && self.world.lights[light as usize].light.shadows
+    }
+
     /// Finds f_s, the share of the light that passes the surfaces between a light's point and the interactions.
-    fn shadow_wave(&mut self, lighting: &mut Lighting, light: u32, wave: &Wave) {
+    fn shadow<P: Probe + ?Sized>(&mut self, lighting: &mut Lighting, light: u32, wave: &Wave, probe: &mut P) {
         if !self.casts_shadows(light) {
             return;
         }
@@ -174,6 +233,10 @@ impl Whitted<'_> {
                     samples8.f_s[lane] = lookup.passed(light, ray, samples8.reach[lane], point, normal);
                 }
             }
+            return;
+        }
+        if probe.is_active() {
+            self.shadow_one_by_one(light_samples, light, wave, probe);
             return;
         }
         self.waves.bundle.clear();
@@ -221,12 +284,44 @@ impl Whitted<'_> {
             self.counts.shadow.hit += u64::from(f_s == 0.0);
         }
         if self.world.has_clear() {
-            self.apply_crossed_surfaces(light_samples, &wave.interactions);
+            self.apply_crossed_surfaces(light_samples, &wave.interactions, probe);
         }
     }
 
+    /// The same for a probe, which hears of what blocks the light.
+    fn shadow_one_by_one<P: Probe + ?Sized>(
+        &mut self,
+        light_samples: &mut [LightSamples8],
+        light: u32,
+        wave: &Wave,
+        probe: &mut P,
+    ) {
+        for (number, (samples8, interactions8)) in
+            light_samples.iter_mut().zip(wave.interactions.interactions8()).enumerate()
+        {
+            for lane in set_bits(samples8.lit) {
+                let index = number * LANES + lane;
+                let (ray, t_max) =
+                    (Ray::new(interactions8.start(lane), vec3(&samples8.to, lane)), samples8.reach[lane]);
+                let time = wave.interactions.each()[index].hit.time;
+                let differential = shadow_differential(wave, samples8, index);
+                let occluder = &mut self.occluders[light as usize];
+                let f_s = self.world.transmittance(&ray, t_max, time, differential.as_ref(), occluder, probe);
+                samples8.f_s[lane] = f_s;
+                self.counts.shadow.traced += 1;
+                self.counts.shadow.hit += u64::from(f_s == 0.0);
+            }
+        }
+        self.apply_crossed_surfaces(light_samples, &wave.interactions, probe);
+    }
+
     /// Where faces coincide, light crosses back through those that the camera ray has crossed before.
-    fn apply_crossed_surfaces(&self, light_samples: &mut [LightSamples8], interactions: &Interactions) {
+    fn apply_crossed_surfaces<P: Probe + ?Sized>(
+        &self,
+        light_samples: &mut [LightSamples8],
+        interactions: &Interactions,
+        probe: &mut P,
+    ) {
         for (index, interaction) in
             interactions.each().iter().enumerate().filter(|(_, interaction)| interaction.crossing != NONE)
         {
@@ -237,6 +332,7 @@ impl Whitted<'_> {
             let frame = interactions.frame(index);
             self.media.for_crossed_before(interaction.crossing, |hit| {
                 let opacity = self.world.opacity_at(frame.leave(-frame.wo), hit, None);
+                probe.blocker(hit, opacity);
                 samples8.f_s[lane] *= 1.0 - opacity;
             });
         }

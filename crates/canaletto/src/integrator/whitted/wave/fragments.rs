@@ -2,12 +2,10 @@
 
 use super::Wave;
 use crate::integrator::Probe;
-use crate::integrator::media;
 use crate::integrator::shading::Fragment;
-use crate::integrator::visible_hit::{Footprint, VisibleHit};
+use crate::integrator::visible_hit::Footprint;
 use crate::integrator::whitted::Whitted;
-use crate::integrator::whitted::interaction::SurfaceInteraction;
-use crate::integrator::whitted::ray_state::{PathState, RayState};
+use crate::integrator::whitted::ray_state::PathState;
 use crate::material::MaterialPoint;
 use crate::math::Rgb;
 use crate::shape::{Surface, SurfaceInputs8};
@@ -32,22 +30,10 @@ impl<'w> Whitted<'w> {
 
     /// The colour of one fragment, for a probe that observes it as the hit of a camera ray.
     pub(crate) fn shade_fragment<P: Probe + ?Sized>(&mut self, fragment: &Fragment, probe: &mut P) -> Rgb {
-        let Fragment { line, hit, differential, sample, .. } = fragment;
-        let ray = RayState {
-            ray: line.rounded(),
-            line: *line,
-            path_state: PathState::EYE,
-            sample: *sample,
-            differential: *differential,
-        };
-        probe.ray(ray.path_state.kind, &ray.ray, ray.path_state.depth, ray.path_state.attenuation);
-        let (surface, material, footprint) = self.evaluate(fragment, probe);
-        let (inside, crossing) = (media::NONE, media::NONE);
-        let visible_hit = VisibleHit { hit: *hit, surface, material, line: *line, footprint, inside, crossing };
-        let at = SurfaceInteraction::new(&visible_hit, &ray);
-        probe.hit(at.hit, &visible_hit.surface, at.material, at.frame.outside);
-        let color = self.shade_under_overlay(&at, probe);
-        probe.end(color);
+        let mut color = Rgb::BLACK;
+        let mut wave = self.fragments();
+        wave.push_observed(fragment, probe);
+        wave.shade_observed(probe, |found| color = found);
         color
     }
 
@@ -88,6 +74,11 @@ impl FragmentWave<'_, '_> {
     /// Adds a fragment.
     #[inline]
     pub(crate) fn push(&mut self, fragment: &Fragment) {
+        self.push_observed(fragment, &mut ());
+    }
+
+    #[inline]
+    fn push_observed<P: Probe + ?Sized>(&mut self, fragment: &Fragment, probe: &mut P) {
         let Fragment { line, hit, facet, is_flat, differential, sample } = fragment;
         let FragmentWave { whitted, wave, surface_inputs } = self;
         let index = wave.batch.len();
@@ -95,11 +86,14 @@ impl FragmentWave<'_, '_> {
         let material = whitted.world.material(hit);
         let (interactions8, lane) = wave.interactions.next();
         surface_inputs.set_line(lane, line);
-        if facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
+        if !probe.is_active() && facet.is_none() && !is_flat && differential.is_none() && material.is_plain() {
             let color = whitted.world.push_surface(line, hit, lane, surface_inputs, &mut interactions8.surfaces);
             wave.interactions.push(index, hit, surface_inputs, |point| *point = material.colored(color));
         } else {
-            let (surface, point, footprint) = whitted.evaluate(fragment, &mut ());
+            let PathState { kind, depth, attenuation, .. } = PathState::EYE;
+            probe.ray(kind, &line.rounded(), depth, attenuation);
+            let (surface, point, footprint) = whitted.evaluate(fragment, probe);
+            probe.hit(hit, &surface, &point, line.direction.dot(surface.normal) < 0.0);
             wave.footprints.extend(footprint);
             interactions8.surfaces.set(lane, &surface);
             wave.interactions.push(index, hit, surface_inputs, |material| *material = point);
@@ -108,13 +102,19 @@ impl FragmentWave<'_, '_> {
 
     /// Gives `add` the colour of each fragment in turn: (5.39b) up to the stage of the settings, without reflected
     /// and refracted rays, and with opaque coverage.
-    pub(crate) fn shade(self, mut add: impl FnMut(Rgb)) {
+    pub(crate) fn shade(self, add: impl FnMut(Rgb)) {
+        self.shade_observed(&mut (), add);
+    }
+
+    fn shade_observed<P: Probe + ?Sized>(self, probe: &mut P, mut add: impl FnMut(Rgb)) {
         let FragmentWave { whitted, mut wave, mut surface_inputs } = self;
         wave.interactions.evaluate(&mut surface_inputs);
         whitted.waves.surface_inputs = surface_inputs;
-        whitted.shade_wave(&mut wave);
+        whitted.shade(&mut wave, probe);
         for interaction in wave.interactions.each() {
-            add(interaction.material.under_overlay(interaction.color));
+            let color = interaction.under_overlay(probe);
+            probe.end(color);
+            add(color);
         }
         wave.batch.clear();
         whitted.waves.pending = wave;

@@ -1,6 +1,7 @@
 //! The interactions of a wave.
 
 use super::interactions8::{Interactions8, LANES};
+use crate::integrator::Probe;
 use crate::integrator::media;
 use crate::integrator::visible_hit::Frame;
 use crate::material::MaterialPoint;
@@ -10,12 +11,12 @@ use crate::world::Hit;
 
 /// The nearest hit of a ray, and the light that leaves it back along the ray. The surface's values are stored in groups
 /// of eight; see [`Interactions::frame`].
-pub(super) struct Interaction {
+pub(in crate::integrator::whitted) struct Interaction {
     ray_index: u32,
-    pub(super) hit: Hit,
-    pub(super) material: MaterialPoint,
+    pub(in crate::integrator::whitted) hit: Hit,
+    pub(in crate::integrator::whitted) material: MaterialPoint,
     /// The sum of the light so far.
-    pub(super) color: Rgb,
+    pub(in crate::integrator::whitted) color: Rgb,
     /// The bodies that the ray is in.
     pub(super) inside: u32,
     /// The crossing for rays into a clear body, with the coinciding surfaces, or [`media::NONE`].
@@ -38,7 +39,7 @@ impl Interaction {
 
     /// The index of the ray in its wave.
     #[inline]
-    pub(super) fn ray_index(&self) -> usize {
+    pub(in crate::integrator::whitted) fn ray_index(&self) -> usize {
         self.ray_index as usize
     }
 
@@ -47,11 +48,21 @@ impl Interaction {
     pub(super) fn is_seen(&self) -> bool {
         self.material.is_seen()
     }
+
+    /// The sum of the light so far under the material's overlay.
+    #[inline]
+    pub(in crate::integrator::whitted) fn under_overlay<P: Probe + ?Sized>(&self, probe: &mut P) -> Rgb {
+        let (overlay, share) = self.material.overlay;
+        if share > 0.0 {
+            probe.overlay(overlay, share);
+        }
+        self.material.under_overlay(self.color)
+    }
 }
 
 /// The interactions of a wave in the order of its rays, and their surface values in groups of eight.
 #[derive(Default)]
-pub(super) struct Interactions {
+pub(in crate::integrator::whitted) struct Interactions {
     /// The interactions of the largest wave so far; the first `len` are in use.
     interactions: Vec<Interaction>,
     interactions8: Vec<Interactions8>,
@@ -63,7 +74,7 @@ impl Interactions {
         self.len = 0;
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::integrator::whitted) fn len(&self) -> usize {
         self.len
     }
 
@@ -118,13 +129,18 @@ impl Interactions {
     }
 
     #[inline]
-    pub(super) fn each(&self) -> &[Interaction] {
+    pub(in crate::integrator::whitted) fn each(&self) -> &[Interaction] {
         &self.interactions[..self.len]
     }
 
     #[inline]
-    pub(super) fn all_mut(&mut self) -> &mut [Interaction] {
+    pub(in crate::integrator::whitted) fn all_mut(&mut self) -> &mut [Interaction] {
         &mut self.interactions[..self.len]
+    }
+
+    /// The interactions whose shading is visible through their overlays.
+    pub(in crate::integrator::whitted) fn seen_mut(&mut self) -> impl Iterator<Item = &mut Interaction> {
+        self.all_mut().iter_mut().filter(|interaction| interaction.is_seen())
     }
 
     /// The groups of eight of all interactions.
@@ -140,12 +156,13 @@ impl Interactions {
     }
 
     /// Adds the light that the surfaces emit.
-    pub(super) fn add_emission(&mut self) {
+    pub(in crate::integrator::whitted) fn add_emission<P: Probe + ?Sized>(&mut self, probe: &mut P) {
         let (interactions, interactions8) = self.both();
         for (interactions8, interactions) in interactions8.iter().zip(interactions.chunks_mut(LANES)) {
             for (lane, interaction) in interactions.iter_mut().enumerate().filter(|(_, i)| i.is_seen()) {
                 let emission = interaction.material.emitted(interactions8.is_outside(lane));
                 if !emission.is_black() {
+                    probe.emission(emission);
                     interaction.color = (interaction.color + emission).saturated();
                 }
             }

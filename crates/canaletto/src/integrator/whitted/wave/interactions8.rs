@@ -3,7 +3,6 @@
 
 use crate::integrator::shading::BEFORE_LIGHT;
 use crate::integrator::visible_hit::Frame;
-use crate::integrator::whitted::direct::{contribution, lit};
 use crate::light::Illumination;
 use crate::material::MaterialPoint;
 use crate::math::{Rgb, saturate};
@@ -13,6 +12,18 @@ use glam::{DVec3, Vec3};
 
 /// The number of interactions side by side.
 pub(super) const LANES: usize = SURFACES;
+
+/// The diffuse and the specular light of one component: (5.32b) and (5.38).
+#[inline(always)]
+pub(super) fn lit(intensity: f32, [kd, n_dot_l]: [f32; 2], [ks, highlight]: [f32; 2]) -> [f32; 2] {
+    [saturate(intensity * kd) * n_dot_l, saturate(intensity * ks) * highlight]
+}
+
+/// The sum of both terms after shadows (5.39a).
+#[inline(always)]
+pub(super) fn contribution([diffuse, specular]: [f32; 2], f_s: f32) -> f32 {
+    if f_s > 0.0 { saturate(diffuse + specular) * f_s } else { 0.0 }
+}
 
 /// Eight interactions.
 #[derive(Clone, Copy)]
@@ -149,6 +160,12 @@ impl Interactions8 {
         dvec3(&self.facing, lane)
     }
 
+    /// Whether light comes from behind the surface, though perhaps not from behind its bent normal. It doesn't arrive.
+    #[inline]
+    pub(super) fn is_below(&self, lane: usize, direction: DVec3) -> bool {
+        self.normal_bent >> lane & 1 == 1 && self.facing(lane).dot(direction) <= 0.0
+    }
+
     /// The unit shading normal on the viewer's side.
     #[inline(always)]
     pub(super) fn normal(&self, lane: usize) -> DVec3 {
@@ -229,6 +246,11 @@ impl LightSamples8 {
     #[inline(always)]
     pub(super) fn direction(&self, lane: usize) -> DVec3 {
         dvec3(&self.direction, lane)
+    }
+
+    /// The intensity before shadows.
+    pub(super) fn intensity(&self, lane: usize) -> Rgb {
+        Rgb::from(vec3(&self.intensity, lane).to_array())
     }
 
     /// Sets the intensity at an interaction.

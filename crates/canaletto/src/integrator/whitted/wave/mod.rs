@@ -1,6 +1,5 @@
-//! Box 5.8 for many rays side by side. A wave is all rays of one step: camera rays of neighbouring samples, then their
-//! shadow rays to one light point, then the mirrored rays, then the refracted rays. Each ray takes the steps of
-//! [`Whitted::trace`] in that order, so its colour has equal bits.
+//! Waves: rays of box 5.8 side by side, with their interactions and colours. Their surfaces and the light that arrives
+//! there are found for eight at once.
 
 mod direct;
 mod fragments;
@@ -14,14 +13,12 @@ use super::interaction::SurfaceInteraction;
 use super::ray_state::RayState;
 use crate::integrator::visible_hit::Footprint;
 use crate::integrator::{Probe, RayCounts, RayIntegrator};
-use crate::material::MaterialPoint;
 use crate::math::{DRay, RayDifferential, Rgb};
 use crate::sampler::Sample;
-use crate::scene::Stage;
 use crate::shape::SurfaceInputs8;
 use crate::world::{RayBundle, ShadowRays, World};
 use direct::Lighting;
-use interactions::{Interaction, Interactions};
+use interactions::Interactions;
 use ray_batch::RayBatch;
 
 /// The most camera rays that are traced together. Their interactions should fit the nearer caches.
@@ -38,7 +35,7 @@ pub(super) struct Waves {
     /// Shadow rays that cross clear surfaces.
     shadow_rays: ShadowRays,
     /// Waves whose memory can be reused.
-    spare: Vec<Wave>,
+    pub(super) spare: Vec<Wave>,
     /// Buffers for direct lighting.
     lighting: Lighting,
 }
@@ -58,7 +55,7 @@ impl Default for Waves {
 
 impl Waves {
     /// An empty wave.
-    fn wave(&mut self) -> Wave {
+    pub(super) fn wave(&mut self) -> Wave {
         let mut wave = self.spare.pop().unwrap_or_default();
         wave.batch.clear();
         wave.parents.clear();
@@ -68,21 +65,30 @@ impl Waves {
 
 /// Rays that are traced together, with their interactions.
 #[derive(Default)]
-struct Wave {
-    batch: RayBatch,
+pub(super) struct Wave {
+    pub(super) batch: RayBatch,
     /// For each ray, the interaction of the parent wave that it leaves.
-    parents: Vec<u32>,
+    pub(super) parents: Vec<u32>,
     /// The colour of each ray.
-    colors: Vec<Rgb>,
-    interactions: Interactions,
+    pub(super) colors: Vec<Rgb>,
+    pub(super) interactions: Interactions,
     /// The footprint at each interaction, if rays have differentials.
     footprints: Vec<Footprint>,
 }
 
 impl Wave {
+    /// Adds a ray with its world and its time, and the interaction of the parent wave that it leaves.
+    pub(super) fn push(&mut self, ray: RayState, (world, time): (&World, f32), parent: usize) {
+        self.batch.push(ray);
+        if world.moves() {
+            self.batch.times.push(time);
+        }
+        self.parents.push(parent as u32);
+    }
+
     /// The interaction at an index.
     #[inline]
-    fn at(&self, index: usize) -> SurfaceInteraction<'_> {
+    pub(super) fn at(&self, index: usize) -> SurfaceInteraction<'_> {
         let interaction = &self.interactions.each()[index];
         SurfaceInteraction {
             hit: &interaction.hit,
@@ -95,21 +101,6 @@ impl Wave {
             sample: self.batch.sample(interaction.ray_index()),
         }
     }
-}
-
-/// Whether (5.39b) adds a mirrored ray.
-fn is_seen_mirror(material: &MaterialPoint) -> bool {
-    material.is_seen() && material.is_mirror()
-}
-
-/// Whether (5.39b) adds a refracted ray.
-fn is_seen_clear(material: &MaterialPoint) -> bool {
-    material.is_seen() && material.is_clear()
-}
-
-/// Whether part of the surface is missing.
-fn is_partial(material: &MaterialPoint) -> bool {
-    material.coverage < 1.0
 }
 
 impl<'w> RayIntegrator<'w> for Whitted<'w> {
@@ -163,7 +154,7 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
             media.clear();
             wave.batch.set_around(|line, time| media.around_eye(world, line.origin, time, depth));
         }
-        self.trace_wave(&mut wave);
+        self.trace(&mut wave, &mut ());
         wave.batch.clear();
         self.waves.pending = wave;
         &self.waves.pending.colors
@@ -175,110 +166,5 @@ impl<'w> RayIntegrator<'w> for Whitted<'w> {
 
     fn counts(&mut self) -> &mut RayCounts {
         &mut self.counts
-    }
-}
-
-impl Whitted<'_> {
-    /// `trace`: sets the colours to those of the nearest surfaces, or to the background.
-    fn trace_wave(&mut self, wave: &mut Wave) {
-        self.intersect_wave(wave);
-        if wave.interactions.len() == 0 || self.is_cancelled {
-            return;
-        }
-        self.shade_wave(wave);
-        let mut is_any_partial = false;
-        for interaction in wave.interactions.all_mut() {
-            interaction.color = interaction.material.under_overlay(interaction.color);
-            if is_partial(&interaction.material) {
-                interaction.color *= interaction.material.coverage;
-                is_any_partial = true;
-            }
-        }
-        if is_any_partial {
-            self.follow_all(wave, is_partial, |whitted, at| whitted.passed_ray(at, &mut ()));
-            for interaction in wave.interactions.all_mut().iter_mut().filter(|i| is_partial(&i.material)) {
-                interaction.color = interaction.color.saturated();
-            }
-        }
-        for interaction in wave.interactions.each() {
-            wave.colors[interaction.ray_index()] = interaction.color;
-        }
-    }
-
-    /// `shade`: (5.39b), up to the stage of the settings.
-    fn shade_wave(&mut self, wave: &mut Wave) {
-        let stage = self.settings.stage;
-        // The shading under an opaque overlay is not visible.
-        let seen = |interaction: &&mut Interaction| interaction.is_seen();
-        if stage == Stage::Unlit {
-            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color = interaction.material.classic.kd;
-            }
-            return;
-        }
-        if self.solution.is_some() {
-            for index in 0..wave.interactions.len() {
-                if wave.interactions.each()[index].is_seen() {
-                    let at = wave.at(index);
-                    let ambient = (self.ambient(&at) * at.material.classic.kd).saturated(); // (5.33)
-                    let emitters = self.emitters(&at).map(|term| term.contribution);
-                    let color = &mut wave.interactions.all_mut()[index].color;
-                    *color += ambient;
-                    if let Some(emitters) = emitters {
-                        *color = (*color + emitters).saturated();
-                    }
-                }
-            }
-        } else if stage >= Stage::Ambient {
-            for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-                interaction.color += (self.world.ambient * interaction.material.classic.kd).saturated(); // (5.33)
-            }
-        }
-        if self.world.may_emit() {
-            wave.interactions.add_emission();
-        }
-        self.light_wave(wave);
-        if stage >= Stage::Reflection {
-            self.follow_all(wave, is_seen_mirror, |whitted, at| whitted.reflected_ray(at, &mut ()));
-        }
-        if stage >= Stage::Full {
-            self.follow_all(wave, is_seen_clear, |whitted, at| whitted.refracted_ray(at, &mut ()));
-        }
-        for interaction in wave.interactions.all_mut().iter_mut().filter(seen) {
-            interaction.color = interaction.color.saturated();
-        }
-    }
-
-    /// Traces the rays that `child` returns for the interactions whose material `has_child`, and adds their light to
-    /// the interactions' colours.
-    fn follow_all(
-        &mut self,
-        wave: &mut Wave,
-        has_child: impl Fn(&MaterialPoint) -> bool,
-        child: impl Fn(&mut Self, &SurfaceInteraction) -> Option<RayState>,
-    ) {
-        let mut children = self.waves.wave();
-        let mark = self.media.mark();
-        let moves = self.world.moves();
-        for index in 0..wave.interactions.len() {
-            if has_child(&wave.interactions.each()[index].material)
-                && let Some(ray) = child(self, &wave.at(index))
-            {
-                children.batch.push(ray);
-                if moves {
-                    children.batch.times.push(wave.interactions.each()[index].hit.time);
-                }
-                children.parents.push(index as u32);
-            }
-        }
-        if !children.batch.is_empty() {
-            self.trace_wave(&mut children);
-            for (ray_index, (color, &parent)) in children.colors.iter().zip(&children.parents).enumerate() {
-                wave.interactions.all_mut()[parent as usize].color +=
-                    (*color * children.batch.path_state(ray_index).attenuation).saturated();
-            }
-        }
-        self.waves.spare.push(children);
-        self.media.release(mark);
     }
 }

@@ -9,11 +9,11 @@ use canaletto_bvh::Ray;
 
 /// Rays that are traced together, as a structure of arrays.
 #[derive(Default)]
-pub(super) struct RayBatch {
+pub(in crate::integrator::whitted) struct RayBatch {
     pub(super) rays: Vec<Ray>,
     pub(super) lines: Vec<DRay>,
     /// The time of each ray; empty if nothing moves.
-    pub(super) times: Vec<f32>,
+    pub(in crate::integrator::whitted) times: Vec<f32>,
     /// Empty if all rays are camera rays.
     path_states: Vec<PathState>,
     samples: Vec<Sample>,
@@ -39,13 +39,16 @@ impl RayBatch {
         self.lines.len()
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(in crate::integrator::whitted) fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
 
     /// Adds a child ray.
     #[inline]
-    pub(super) fn push(&mut self, RayState { ray, line, path_state, sample, differential }: RayState) {
+    pub(in crate::integrator::whitted) fn push(
+        &mut self,
+        RayState { ray, line, path_state, sample, differential }: RayState,
+    ) {
         self.rays.push(ray);
         self.lines.push(line);
         self.path_states.push(path_state);
@@ -93,7 +96,7 @@ impl RayBatch {
     }
 
     #[inline]
-    pub(super) fn path_state(&self, ray_index: usize) -> PathState {
+    pub(in crate::integrator::whitted) fn path_state(&self, ray_index: usize) -> PathState {
         let around = || self.around.get(ray_index).copied().unwrap_or(media::NONE);
         self.path_states.get(ray_index).copied().unwrap_or_else(|| PathState { inside: around(), ..PathState::EYE })
     }
