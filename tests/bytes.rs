@@ -171,28 +171,36 @@ material "plastic" {
 material "bumpy" { standard { base { color 0.4 0.5 0.6; metalness 1 }; specular { roughness 0.4 } }
     texture "waves" use="bump" height=0.05 mapping="solid" { scale 0.4 }
 }
+material "paint" { standard { base { color 0.8 0.2 0.1 }; specular { ior 1.7 } }
+    texture "checks" use="roughness" mapping="spherical" repeat=4
+}
 material "floor" { kd 0.5; texture "checks" mapping="planar" space="world" { scale 0.5; rotate-x 90 } }
 plane material="floor" { point 0 0 0; normal 0 1 0 }
 sphere material="plastic" { center -0.7 0.5 0; radius 0.5 }
 sphere material="bumpy" { center 0.6 0.5 0; radius 0.5 }
+sphere material="paint" { center 0 0.3 0.8; radius 0.3 }
 rectangle material="plastic" { corner -2 0 -1; u 4 0 0; v 0 1.5 0 }
 light "directional" { direction 0.4 -1 -0.3; intensity 0.5 }
 "#;
 
-/// Smoke, glass and guiding under one lamp.
+/// Smoke, glass, highlights, frosted glass, a standard surface and guiding under one lamp.
 const SMOKE: &str = r#"
 camera { eye 0 1 4; center 0 0.8 0; fovy 42; size 24 18 }
 film { samples 32 }
 integrator "path" { guiding "on" }
 background 0
-material "wall" { kd 0.7 0.6 0.6 }
+material "wall" { kd 0.6 0.5 0.5; ks 0.2; n 12 }
 material "lamp" { kd 0; emission 20 }
 material "smoke" { medium { scattering 0.6 0.7 0.8; anisotropy 0.3 } }
 material "glass" { dielectric 1.5 }
 box material="wall" { min -1.5 -0.1 -1.5; max 1.5 0 1.5 }
 box material="wall" { min -1.5 0 -1.6; max 1.5 2.5 -1.5 }
 box material="smoke" { min -1.4 0.01 -1.4; max 1.4 0.6 1.4 }
+material "frost" { dielectric 1.4; roughness 0.4 }
+material "paint" { standard { base { color 0.3 0.5 0.8 } } }
 sphere material="glass" { center 0 0.9 0; radius 0.4 }
+sphere material="frost" { center -0.8 0.9 0.2; radius 0.3 }
+sphere material="paint" { center -0.5 1.8 0; radius 0.3 }
 sphere material="lamp" { center 0.8 2 0; radius 0.15 }
 "#;
 

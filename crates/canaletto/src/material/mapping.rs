@@ -259,6 +259,12 @@ impl Mapping {
         }
     }
 
+    /// Whether the coordinates are the surface's own as they are.
+    pub(crate) fn is_own(&self) -> bool {
+        let Mapping { projection, transform, repeat, uv_set, .. } = self;
+        *projection == Projection::Uv && *uv_set == 0 && *repeat == Repeat::default() && transform.is_identity()
+    }
+
     /// The surface's own coordinates, placed by the transform.
     fn own(&self, place: &Place) -> TexCoord {
         let [u, v] = place.surface_differential.gradients;

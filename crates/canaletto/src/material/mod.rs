@@ -44,6 +44,7 @@ pub use parameter::{Parameter, ParameterInfo, ParameterValue, Shown};
 pub use phong::Phong;
 pub(crate) use phong::highlights;
 pub use phong_bsdf::PhongBsdf;
+pub(crate) use phong_bsdf::{GlossyLobes, GlossyPoint};
 pub use point::MaterialPoint;
 pub use prepared::PreparedMaterial;
 pub use refract::{reflect, refract};

@@ -21,11 +21,15 @@
 //! Deviation: light from below the geometric surface gives nothing, while (5.39a) admits it where an interpolated
 //! normal leans towards it.
 
+use super::bsdf::{LobeDirections, mirrored_directions};
+use super::ggx::circle_point;
 use super::{
-    BsdfSample, Lobe, Phong, ScatteringFrame, SpecularTransmission, ggx_vndf_pdf, reflect, reflect_into_hemisphere,
-    refract, sample_ggx_vndf,
+    BsdfSample, Lobe, Phong, ScatteringFrame, SpecularTransmission, diffuse_direction, diffuse_pdf, diffuse_share,
+    ggx_vndf_pdf, reflect, reflect_into_hemisphere, refract, sample_ggx_vndf,
 };
-use crate::math::{Rgb, warp};
+use crate::math::functions::pow;
+use crate::math::{Rgb, Vector};
+use canaletto_bvh::lanes::Real64;
 use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
 
@@ -83,33 +87,20 @@ impl PhongBsdf {
         SpecularTransmission { share, is_straight: self.frame.eta_ratio == 1.0 }
     }
 
-    /// Whether a direction is on the viewer's side of the surface and of the shading normal.
-    fn is_above(&self, wi: DVec3) -> bool {
-        self.frame.normal.dot(wi) > 0.0 && self.frame.facing.dot(wi) > 0.0
+    /// The diffuse lobe and the highlight.
+    fn glossy(&self, wo: DVec3) -> GlossyLobes<f64> {
+        let point = GlossyPoint { phong: self.phong, gloss: self.gloss, sums: [self.sums[0], self.sums[1]] };
+        let ScatteringFrame { normal, facing, .. } = self.frame;
+        GlossyLobes::gather(|_| &point, normal.into(), facing.into(), wo.into())
     }
 
     pub(super) fn eval(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        let mut f = Rgb::BLACK;
-        if self.is_above(wi) {
-            f += self.phong.kd * (self.frame.normal.dot(wi) * FRAC_1_PI) as f32;
-        }
-        if !self.gloss.is_black() {
-            f += self.gloss * self.highlight_pdf(wo, wi) as f32;
-        }
-        f + self.eval_rough(wo, wi)
+        Rgb::from(self.glossy(wo).eval_and_pdf(wi.into()).0) + self.eval_rough(wo, wi)
     }
 
     /// [`PhongBsdf::eval`] for the light of a point light, with the chapter's highlight.
     pub(super) fn eval_point_light(&self, wo: DVec3, wi: DVec3) -> Rgb {
-        let Phong { kd, ks, n, .. } = self.phong;
-        let mut f = Rgb::BLACK;
-        if self.is_above(wi) {
-            let cosine = reflect(wo, self.frame.normal).dot(wi);
-            let highlight = if cosine > 0.0 || n == 0.0 { libm::pow(cosine.max(0.0), n.into()) } else { 0.0 };
-            // (5.32b), (5.38)
-            f += kd * (self.frame.normal.dot(wi) * FRAC_1_PI) as f32 + ks * (highlight * FRAC_1_PI) as f32;
-        }
-        f + self.eval_rough(wo, wi)
+        Rgb::from(self.glossy(wo).eval_point_lights(wi.into())) + self.eval_rough(wo, wi)
     }
 
     /// The mirror and the refraction of a rough surface.
@@ -126,33 +117,20 @@ impl PhongBsdf {
     }
 
     pub(super) fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let density = |(i, lobe): (usize, &Lobe)| match self.probability(i) {
-            0.0 => 0.0,
-            _ if self.is_delta_lobe(*lobe) => 0.0,
-            probability => {
-                probability
-                    * match lobe {
-                        Lobe::Diffuse => self.frame.normal.dot(wi).max(0.0) * FRAC_1_PI,
-                        Lobe::Highlight => self.highlight_pdf(wo, wi),
-                        Lobe::Mirror => self.mirror_pdf(wo, wi),
-                        Lobe::Refraction => self.refraction_pdf(wo, wi),
-                    }
-            }
+        let density = |i: usize| match (self.probability(i), LOBES[i]) {
+            (0.0, _) => 0.0,
+            (_, lobe) if self.is_delta_lobe(lobe) => 0.0,
+            (probability, Lobe::Mirror) => probability * self.mirror_pdf(wo, wi),
+            (probability, _) => probability * self.refraction_pdf(wo, wi),
         };
-        LOBES.iter().enumerate().map(density).sum()
+        self.glossy(wo).eval_and_pdf(wi.into()).1 + density(2) + density(3)
     }
 
     pub(super) fn sample(&self, wo: DVec3, u_lobe: f64, u: [f64; 2]) -> Option<BsdfSample> {
         let i = self.sums.iter().position(|sum| u_lobe < *sum)?;
         let lobe = LOBES[i];
         let wi = match lobe {
-            Lobe::Diffuse => around(self.frame.normal, warp::cosine_hemisphere(u)),
-            Lobe::Highlight => {
-                let cos = libm::pow(1.0 - u[0], 1.0 / (f64::from(self.phong.n) + 1.0));
-                let (sin, across) = (libm::sincos(TAU * u[1]), (1.0 - cos * cos).max(0.0).sqrt());
-                let wi = around(self.highlight_axis(wo), DVec3::new(sin.1 * across, sin.0 * across, cos));
-                reflect_into_hemisphere(wi, self.frame.facing)
-            }
+            Lobe::Diffuse | Lobe::Highlight => self.glossy(wo).directions(u_lobe, u).wi.into(),
             Lobe::Mirror => self.reflected(wo, self.microfacet(wo, u)),
             Lobe::Refraction if self.frame.eta_ratio == 1.0 => -wo,
             Lobe::Refraction => {
@@ -186,20 +164,6 @@ impl PhongBsdf {
             None if reflect(wo, normal).dot(facing) > 0.0 => reflect(wo, normal),
             None => reflect(wo, facing),
         }
-    }
-
-    /// The axis of the highlight's directions. With the exponent 0 it has the same brightness on the whole hemisphere.
-    fn highlight_axis(&self, wo: DVec3) -> DVec3 {
-        if self.phong.n == 0.0 { self.frame.normal } else { reflect(wo, self.frame.normal) }
-    }
-
-    /// The density (n + 1) / 2π cosⁿ α, folded.
-    fn highlight_pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
-        let (axis, n) = (self.highlight_axis(wo), f64::from(self.phong.n));
-        self.folded(wi, 1.0, |wi| {
-            let cosine = axis.dot(wi);
-            if cosine > 0.0 { (n + 1.0) / TAU * libm::pow(cosine, n) } else { 0.0 }
-        })
     }
 
     /// The density of directions mirrored in a microfacet.
@@ -255,10 +219,139 @@ fn gloss(phong: &Phong) -> Rgb {
     ks * scale.fold(1.0, f32::min).max(0.0)
 }
 
-/// The direction with these coordinates in a frame around the unit vector `z`.
-fn around(z: DVec3, local: DVec3) -> DVec3 {
-    let (x, y) = z.any_orthonormal_pair();
-    x * local.x + y * local.y + z * local.z
+/// The diffuse lobe and the highlight of Phong's model at a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GlossyPoint {
+    phong: Phong,
+    /// The share of light from all sides that the highlight returns.
+    gloss: Rgb,
+    /// The cumulative sums of the lobes' probabilities.
+    sums: [f64; 2],
+}
+
+impl Default for GlossyPoint {
+    fn default() -> GlossyPoint {
+        GlossyPoint { phong: Phong::default(), gloss: Rgb::BLACK, sums: [1.0; 2] }
+    }
+}
+
+impl GlossyPoint {
+    /// The lobes of an opaque surface without a mirror; none if the surface has more of them.
+    pub(crate) fn new(phong: &Phong) -> Option<GlossyPoint> {
+        let phong = phong.bounded();
+        let is_all = phong.k.is_black() && phong.opacity >= 1.0;
+        is_all.then(|| {
+            let PhongBsdf { gloss, sums, .. } = PhongBsdf::new(phong, ScatteringFrame::flat(DVec3::Z, 1.0));
+            GlossyPoint { phong, gloss, sums: [sums[0], sums[1]] }
+        })
+    }
+
+    /// Whether it scatters no light.
+    pub(crate) fn is_black(&self) -> bool {
+        self.sums[1] == 0.0
+    }
+}
+
+/// The diffuse lobe and the highlight of Phong's model in each lane, as they are seen from one direction.
+pub(crate) struct GlossyLobes<F: Real64> {
+    kd: Vector<F::Narrow>,
+    ks: Vector<F::Narrow>,
+    gloss: Vector<F::Narrow>,
+    n: F,
+    sums: [F; 2],
+    normal: Vector<F>,
+    facing: Vector<F>,
+    /// r, the mirrored direction (5.37).
+    mirrored: Vector<F>,
+    /// The axis of the highlight's directions. With the exponent 0 it has the same brightness on the whole hemisphere.
+    axis: Vector<F>,
+}
+
+impl<F: Real64> GlossyLobes<F> {
+    /// The lobes that a function gives for each lane, between these normals and the viewers.
+    #[inline(always)]
+    pub(crate) fn gather<'a>(
+        of_lane: impl Fn(usize) -> &'a GlossyPoint,
+        normal: Vector<F>,
+        facing: Vector<F>,
+        wo: Vector<F>,
+    ) -> GlossyLobes<F> {
+        let n = F::gather(|lane| of_lane(lane).phong.n.into());
+        let mirrored = normal * (wo.dot(normal) * 2.0) - wo;
+        GlossyLobes {
+            kd: Rgb::gather(|lane| of_lane(lane).phong.kd),
+            ks: Rgb::gather(|lane| of_lane(lane).phong.ks),
+            gloss: Rgb::gather(|lane| of_lane(lane).gloss),
+            n,
+            sums: [F::gather(|lane| of_lane(lane).sums[0]), F::gather(|lane| of_lane(lane).sums[1])],
+            normal,
+            facing,
+            mirrored,
+            axis: Vector::select(n.equal(F::splat(0.0)), normal, mirrored),
+        }
+    }
+
+    /// f |cos θ| and the density of both lobes.
+    #[inline(always)]
+    pub(crate) fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        let diffuse = diffuse_share(self.normal, self.facing, wi);
+        let highlight = self.highlight_pdf(wi);
+        let [of_diffuse, of_both] = self.sums;
+        let pdf = of_diffuse * diffuse_pdf(self.normal, wi) + (of_both - of_diffuse) * highlight;
+        (self.kd * diffuse + self.gloss * highlight.narrow(), pdf)
+    }
+
+    /// f |cos θ| for the light of point lights, with the chapter's highlight.
+    #[inline(always)]
+    pub(crate) fn eval_point_lights(&self, wi: Vector<F>) -> Vector<F::Narrow> {
+        let zero = F::splat(0.0);
+        let is_above = zero.less(self.normal.dot(wi)) & zero.less(self.facing.dot(wi));
+        let highlight = power_of_cosine(self.mirrored.dot(wi), self.n) * FRAC_1_PI;
+        let highlight = F::select(is_above, highlight, zero).narrow();
+        // (5.32b), (5.38)
+        self.kd * diffuse_share(self.normal, self.facing, wi) + self.ks * highlight
+    }
+
+    /// The density (n + 1) / 2π cosⁿ α of the highlight, where directions into the surface are mirrored out of it.
+    #[inline(always)]
+    fn highlight_pdf(&self, wi: Vector<F>) -> F {
+        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        let cosines = [self.axis.dot(wi), self.axis.dot(mirrored_directions(self.facing, wi))];
+        let both = cosine_power(cosines[0], self.n) + cosine_power(cosines[1], self.n);
+        F::select(zero.less(wi.dot(self.facing)), (self.n + one) / TAU * both, zero)
+    }
+
+    /// The directions that the numbers choose: `u_lobe` of [0, 1) the lobe, and `u` of the unit square the direction
+    /// within it.
+    #[inline(always)]
+    pub(crate) fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F> {
+        let (zero, one, [of_diffuse, of_both]) = (F::splat(0.0), F::splat(1.0), self.sums);
+        let cos = pow((one - u[0]).max(F::splat(f64::MIN_POSITIVE)), one / (self.n + one));
+        let (across, [x, y]) = ((one - cos * cos).max(zero).sqrt(), circle_point(u[1]));
+        let [along_x, along_y] = self.axis.orthonormal_pair();
+        let wi = along_x * (x * across) + along_y * (y * across) + self.axis * cos;
+        let folded = mirrored_directions(self.facing, wi);
+        let highlight = Vector::select(wi.dot(self.facing).less(zero), folded, wi);
+        let is_diffuse = u_lobe.less(of_diffuse);
+        LobeDirections {
+            wi: Vector::select(is_diffuse, diffuse_direction(self.normal, u), highlight),
+            is_valid: u_lobe.less(of_both),
+            is_mirrored: !is_diffuse,
+        }
+    }
+}
+
+/// cosⁿ α where the cosine is positive, else 0.
+#[inline(always)]
+fn cosine_power<F: Real64>(cos: F, n: F) -> F {
+    let least = F::splat(f64::MIN_POSITIVE);
+    F::select(F::splat(0.0).less(cos), pow(cos.max(least), n), F::splat(0.0))
+}
+
+/// cosⁿ α of (5.38). An n of 0 gives 1 everywhere.
+#[inline(always)]
+fn power_of_cosine<F: Real64>(cos: F, n: F) -> F {
+    F::select(n.equal(F::splat(0.0)), F::splat(1.0), cosine_power(cos, n))
 }
 
 #[cfg(test)]

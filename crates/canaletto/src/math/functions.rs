@@ -5,10 +5,14 @@
 //! two units in the last place instead of one.
 
 use canaletto_bvh::lanes::{Bits64, Real64};
-use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, PI, SQRT_2};
 
 /// A number whose last bit is worth 1. Adding and subtracting it rounds numbers below 2⁵¹ to integers.
 const INTEGERS: f64 = 6_755_399_441_055_744.0; // 1.5 · 2⁵²
+
+/// The first bits of ln 2, and the rest.
+#[allow(clippy::excessive_precision)] // as in the source
+const LN_2: [f64; 2] = [6.93147180369123816490e-01, 1.90821492927058770002e-10];
 
 /// The polynomial with these coefficients, the one of the highest power first.
 #[inline(always)]
@@ -108,6 +112,68 @@ pub(crate) fn atan2<F: Real64>(y: F, x: F) -> F {
     F::from_bits(angle.to_bits() | (y.to_bits() & F::splat(-0.0).to_bits()))
 }
 
+/// The natural logarithm of a positive normal number. The errors are below two units in the last place.
+#[allow(clippy::excessive_precision)] // as in the source
+#[inline(always)]
+pub(crate) fn log<F: Real64>(x: F) -> F {
+    const LOG: [f64; 7] = [
+        1.479819860511658591e-01,
+        1.531383769920937332e-01,
+        1.818357216161805012e-01,
+        2.222219843214978396e-01,
+        2.857142874366239149e-01,
+        3.999999999940941908e-01,
+        6.666666666666735130e-01,
+    ];
+    /// The bits of the fraction, and those of 2⁵².
+    const FRACTION: u64 = (1 << 52) - 1;
+    const TWO_52: f64 = 4_503_599_627_370_496.0;
+    let (bits, one) = (x.to_bits(), F::splat(1.0));
+    // x = 2^k m, with m from √½ to √2
+    let exponent = F::from_bits(bits.down::<52>() | F::splat(TWO_52).to_bits()) - TWO_52 - 1023.0;
+    let m = F::from_bits((bits & F::Bits::splat(FRACTION)) | one.to_bits());
+    let is_large = F::splat(SQRT_2).less(m);
+    let (m, k) = (F::select(is_large, m * 0.5, m), F::select(is_large, exponent + 1.0, exponent));
+    let f = m - 1.0;
+    let s = f / (f + 2.0);
+    let (square, half) = (s * s, f * f * 0.5);
+    let rest = square * polynomial(square, LOG);
+    k * LN_2[0] - ((half - (s * (half + rest) + k * LN_2[1])) - f)
+}
+
+/// e to the power of x. The errors are below two units in the last place. Below −708 it is 0, above 709 infinite.
+#[allow(clippy::excessive_precision)] // as in the source
+#[inline(always)]
+pub(crate) fn exp<F: Real64>(x: F) -> F {
+    const EXP: [f64; 5] = [
+        4.13813679705723846039e-08,
+        -1.65339022054652515390e-06,
+        6.61375632143793436117e-05,
+        -2.77777777770155933842e-03,
+        1.66666666666666019037e-01,
+    ];
+    let one = F::splat(1.0);
+    // x = k ln 2 + r
+    let bounded = x.max(F::splat(-708.0)).min(F::splat(709.0));
+    let k = bounded * LOG2_E + INTEGERS - INTEGERS;
+    let (high, low) = (bounded - k * LN_2[0], k * LN_2[1]);
+    let r = high - low;
+    let square = r * r;
+    let c = r - square * polynomial(square, EXP);
+    let power = one - ((low - r * c / (F::splat(2.0) - c)) - high);
+    // The last bits of k + 1023 + 1.5 · 2⁵² are the exponent of 2^k.
+    let exponent = (k + 1023.0 + INTEGERS).to_bits() & F::Bits::splat(0x7ff);
+    let power = power * F::from_bits(exponent.up::<52>());
+    let power = F::select(x.less(F::splat(-708.0)), F::splat(0.0), power);
+    F::select(F::splat(709.0).less(x), F::splat(f64::INFINITY), power)
+}
+
+/// x to the power of y, for a positive normal x. The relative error is below 2⁻⁵¹ (1 + |y ln x|).
+#[inline(always)]
+pub(crate) fn pow<F: Real64>(x: F, y: F) -> F {
+    exp(y * log(x))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,16 +231,48 @@ mod tests {
         }
     }
 
+    #[test]
+    fn logarithms_and_powers_of_e_are_those_of_libm() {
+        let (mut of_log, mut of_exp) = (0.0f64, 0.0f64);
+        let sizes = fractions().map(|u| libm::exp2(2040.0 * u - 1020.0));
+        let near_one = fractions().map(|u| 0.5 + u);
+        let nearest = (1..53).flat_map(|k| [1.0, -0.5].map(|s| 1.0 + s * libm::exp2(-f64::from(k))));
+        for x in sizes.chain(near_one).chain(nearest).chain([f64::MIN_POSITIVE, f64::MAX, 1.0]) {
+            of_log = of_log.max(units(log(x), libm::log(x)));
+        }
+        let all = fractions().map(|u| 1417.0 * u - 708.0);
+        let small = fractions().map(|u| 2.0 * u - 1.0);
+        for x in all.chain(small).chain([0.0, -708.0, 709.0, 1e-300]) {
+            of_exp = of_exp.max(units(exp(x), libm::exp(x)));
+        }
+        assert!(of_log < 2.0 && of_exp < 2.0, "{of_log}, {of_exp}");
+        assert_eq!([exp(-709.0), exp(710.0), exp(f64::NEG_INFINITY), log(1.0)], [0.0, f64::INFINITY, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn powers_have_the_stated_error() {
+        let bases = fractions().map(|u| u.max(1e-12));
+        let exponents = fractions().skip(70_000).map(|u| libm::exp2(20.0 * u - 8.0));
+        for (x, y) in bases.zip(exponents) {
+            let (ours, expected) = (pow(x, y), libm::pow(x, y));
+            if expected > 1e-300 {
+                let bound = f64::EPSILON * 2.0 * (1.0 + (y * libm::log(x)).abs());
+                assert!((ours / expected - 1.0).abs() < bound, "{x}, {y}: {ours} {expected}");
+            }
+        }
+        assert_eq!([pow(0.3, 0.0), pow(1.0, 1e6), pow(0.5, 1e5)], [1.0, 1.0, 0.0]);
+    }
+
     struct All([f64; LANES]);
 
     impl LaneKernel for All {
-        type Answer = [[f64; LANES]; 3];
+        type Answer = [[f64; LANES]; 5];
 
         #[inline(always)]
         fn run<F: Real64>(self) -> Self::Answer {
             let x = F::load(&self.0);
             let [sin, cos] = sin_cos(x);
-            [sin, cos, atan2(sin * 3.0, x)].map(|v| v.to_array())
+            [sin, cos, atan2(sin * 3.0, x), log(x.abs()), exp(x)].map(|v| v.to_array())
         }
     }
 

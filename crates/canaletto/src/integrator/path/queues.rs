@@ -4,10 +4,11 @@
 //! [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Random numbers, points of sources,
 //! weights and rays are computed for all eight at once.
 //!
-//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones, those of rough metals and of
-//! standard surfaces without layers over their base have queues of their own, and don't go through
-//! [`PathTracer::arrive`]. Their surfaces and their scattering are computed for all eight at once, too. So is the
-//! scattering of rough boundaries of clear bodies. That of others is evaluated one by one.
+//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones, those with highlights of
+//! Phong's model, those of rough metals, and those of standard surfaces without layers over their base have queues of
+//! their own, and don't go through [`PathTracer::arrive`]. Their surfaces and their scattering are computed for all
+//! eight at once, too. So is the scattering of rough boundaries of clear bodies. That of others is evaluated one by
+//! one.
 
 mod any_surface;
 mod boundaries;
@@ -22,7 +23,8 @@ use super::trace::{Path, ROULETTE_AFTER, uses};
 use super::vertex::SurfaceVertex;
 use crate::integrator::media::NONE;
 use crate::material::{
-    BsdfSample, ConductorPoint, MaterialModel, MaterialPoint, OpaqueBase, Parameter, PreparedMaterial, Target,
+    BsdfSample, ConductorPoint, GlossyPoint, MaterialModel, MaterialPoint, OpaqueBase, Parameter, PreparedMaterial,
+    Target,
 };
 use crate::math::{DRay, Rgb};
 use crate::sampler::{Dimension, Samples8};
@@ -33,7 +35,7 @@ use boundaries::Boundaries;
 use canaletto_bvh::lanes::run_lanes;
 use canaletto_bvh::{InstructionSet, Ray};
 use kernels::{Arrive, Scatter};
-use scattering::{Diffuse, Materials8, Metals, OpaqueBases, Scattering8};
+use scattering::{Diffuse, Glossy, Materials8, Metals, OpaqueBases, Scattering8};
 
 /// The number of vertices side by side.
 const LANES: usize = SURFACES;
@@ -59,6 +61,8 @@ struct OpaqueMaterial {
 enum OpaqueKind {
     /// The colour, unless a texture or a surface sets it.
     Diffuse(Rgb),
+    /// Phong's model with a highlight and without a mirror, unless a texture or a surface sets the colour.
+    Glossy(GlossyPoint),
     /// A rough metal.
     Metal(ConductorPoint),
     /// A standard surface that is an opaque base alone, with its numbers, unless a texture or a surface sets any.
@@ -87,7 +91,10 @@ impl OpaqueMaterial {
             return None;
         }
         let kind = match &material.model {
-            MaterialModel::Phong(_) => OpaqueKind::Diffuse(diffuse_color(material.plain())?),
+            MaterialModel::Phong(_) => match diffuse_color(material.plain()) {
+                Some(kd) => OpaqueKind::Diffuse(kd),
+                None => OpaqueKind::Glossy(GlossyPoint::new(&material.plain().classic)?),
+            },
             MaterialModel::Conductor(conductor) => {
                 let point = ConductorPoint::new(conductor, material.plain());
                 if point.alpha == 0.0 {
@@ -118,11 +125,14 @@ fn diffuse_color(point: &MaterialPoint) -> Option<Rgb> {
 #[derive(Default)]
 pub(super) struct VertexQueues {
     diffuse: Queue<Diffuse>,
+    glossy: Queue<Glossy>,
     metals: Queue<Metals>,
     bases: Queue<OpaqueBases>,
     boundaries: Queue<Boundaries>,
     /// All others.
     others: Queue<AnySurfaces>,
+    /// The material at the hit that was added last, if it isn't the same everywhere.
+    point: MaterialPoint,
 }
 
 /// Vertices that [`PathTracer::arrive`] comes to.
@@ -153,27 +163,30 @@ impl<M: Default> Default for Queue<M> {
 }
 
 impl<M> Queue<M> {
-    /// Adds the surface of a path's hit. Returns its material's values there, if they aren't the same everywhere.
+    /// Adds the surface of a path's hit. Returns its material's values there, which `point` holds then, if they aren't
+    /// the same everywhere.
     #[inline]
-    fn push(
+    fn push<'a>(
         &mut self,
         world: &World,
         (number, path): (u32, &mut Path),
         hit: &Hit,
         is_textured: bool,
-    ) -> Option<MaterialPoint> {
+        point: &'a mut MaterialPoint,
+    ) -> Option<&'a MaterialPoint> {
         let lane = self.len;
         self.len += 1;
         self.paths[lane] = number;
         path.place = path.place.of(uses::NEXT);
         self.inputs.set_line(lane, path.line());
         if is_textured {
-            let (surface, point) = world.textured_physics(*path.line(), hit, |surface| path.step(surface));
+            let surface = world.textured_physics(*path.line(), hit, |surface| path.step(surface), point);
             self.surfaces.set(lane, &surface);
             return Some(point);
         }
         let color = world.push_surface(path.line(), hit, lane, &mut self.inputs, &mut self.surfaces)?;
-        Some(world.material(hit).colored(Some(color)))
+        *point = world.material(hit).colored(Some(color));
+        Some(point)
     }
 }
 
@@ -197,27 +210,40 @@ impl PathTracer<'_> {
         match &material.kind {
             OpaqueKind::Diffuse(kd) => {
                 let lane = queues.diffuse.len;
-                let point = queues.diffuse.push(self.world, (number, path), hit, material.is_textured);
-                let kd = point.map_or(*kd, |point| diffuse_color(&point).unwrap_or_default());
+                let point =
+                    queues.diffuse.push(self.world, (number, path), hit, material.is_textured, &mut queues.point);
+                let kd = point.map_or(*kd, |point| diffuse_color(point).unwrap_or_default());
                 set_vec3(&mut queues.diffuse.materials.kd, lane, kd.to_array().into());
                 self.count_hit(path);
                 if lane + 1 == LANES {
                     self.scatter_eight(&mut queues.diffuse, paths, shadows, next);
                 }
             }
+            OpaqueKind::Glossy(glossy) => {
+                let lane = queues.glossy.len;
+                let point =
+                    queues.glossy.push(self.world, (number, path), hit, material.is_textured, &mut queues.point);
+                let textured = point.and_then(|point| GlossyPoint::new(&point.classic));
+                queues.glossy.materials.points[lane] = textured.unwrap_or(*glossy);
+                self.count_hit(path);
+                if lane + 1 == LANES {
+                    self.scatter_eight(&mut queues.glossy, paths, shadows, next);
+                }
+            }
             OpaqueKind::Metal(metal) => {
                 let lane = queues.metals.len;
-                queues.metals.push(self.world, (number, path), hit, material.is_textured);
+                queues.metals.push(self.world, (number, path), hit, material.is_textured, &mut queues.point);
                 queues.metals.materials.points[lane] = *metal;
                 self.count_hit(path);
                 if lane + 1 == LANES {
+                    self.scatter_eight(&mut queues.glossy, paths, shadows, next);
                     self.scatter_eight(&mut queues.metals, paths, shadows, next);
                 }
             }
             OpaqueKind::Base(base) => {
                 let (lane, place) = (queues.bases.len, path.place);
-                let point = queues.bases.push(self.world, (number, path), hit, material.is_textured);
-                let textured = point.as_ref().and_then(|point| Some((point.standard.as_ref()?, point)));
+                let point = queues.bases.push(self.world, (number, path), hit, material.is_textured, &mut queues.point);
+                let textured = point.and_then(|point| Some((point.standard.as_ref()?, point)));
                 let base = textured.map_or(*base, |(surface, point)| OpaqueBase::new(surface, point.classic.roughness));
                 if base.alpha == 0.0 {
                     // A polished point of a textured surface isn't evaluated in lanes.
@@ -283,6 +309,7 @@ impl PathTracer<'_> {
         next: &mut Wave,
     ) {
         self.scatter_eight(&mut queues.diffuse, paths, shadows, next);
+        self.scatter_eight(&mut queues.glossy, paths, shadows, next);
         self.scatter_eight(&mut queues.metals, paths, shadows, next);
         self.scatter_eight(&mut queues.bases, paths, shadows, next);
         self.scatter_eight(&mut queues.boundaries, paths, shadows, next);

@@ -188,24 +188,19 @@ impl Path {
             (Asked::Nowhere, None) => Asked::Nowhere,
             (_, None) => Asked::Elsewhere,
         };
-        let scattered_from = match lit {
-            _ if goes_straight => self.segment.scattered.take(),
+        let segment = &mut self.segment;
+        (segment.ray, segment.line, segment.differential, segment.inside) = (ray, line, None, inside);
+        (segment.passed, segment.asked, segment.kind) = (goes_straight, asked, Kind::Scattered(scattered.lobe));
+        if goes_straight {
+            return;
+        }
+        self.depth += 1;
+        segment.scattered = match lit {
             Some((receiver, choice)) if !scattered.is_delta => {
                 Some(ScatteredFrom { receiver, choice, pdf: scattered.pdf })
             }
             _ => None,
         };
-        self.segment = Segment {
-            ray,
-            line,
-            differential: None,
-            inside,
-            passed: goes_straight,
-            scattered: scattered_from,
-            asked,
-            kind: Kind::Scattered(scattered.lobe),
-        };
-        self.depth += u32::from(!goes_straight);
     }
 
     /// The bodies that the next ray starts in.

@@ -57,9 +57,11 @@ impl BoxFilter {
 
     /// The numbers of the rays that may hit a box before their ends, and the ends of all rays.
     pub(in crate::world) fn candidates(&mut self, bounds: &Aabb) -> (&[u32], &mut [f32]) {
-        self.candidates.clear();
-        InstructionSet::run(Candidates { lanes: &self.lanes, ends: &self.ends, bounds, found: &mut self.candidates });
-        (&self.candidates, self.ends.as_flattened_mut())
+        // Numbers are written by eights.
+        self.candidates.resize((self.lanes.len() + 1) * LANES, 0);
+        let Self { lanes, ends, candidates: found, .. } = self;
+        let count = InstructionSet::run(Candidates { lanes, ends, bounds, found });
+        (&self.candidates[..count], self.ends.as_flattened_mut())
     }
 }
 
@@ -91,15 +93,35 @@ struct Candidates<'a> {
     lanes: &'a [Lanes],
     ends: &'a [Row],
     bounds: &'a Aabb,
-    found: &'a mut Vec<u32>,
+    found: &'a mut [u32],
 }
 
+/// For each byte the places of its bits that are set, and zeros.
+const PLACES: [[u8; 8]; 256] = {
+    let mut all = [[0; 8]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let (mut count, mut place) = (0, 0);
+        while place < 8 {
+            if byte >> place & 1 == 1 {
+                all[byte][count] = place as u8;
+                count += 1;
+            }
+            place += 1;
+        }
+        byte += 1;
+    }
+    all
+};
+
 impl Kernel for Candidates<'_> {
-    type Answer = ();
+    /// The number of candidates.
+    type Answer = usize;
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> usize {
         let Candidates { lanes, ends, bounds, found } = self;
+        let mut count = 0;
         let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
         for (number, (lanes, ends)) in lanes.iter().zip(ends).enumerate() {
             let (mut near, mut far) = ([0.0; LANES], *ends);
@@ -118,18 +140,17 @@ impl Kernel for Candidates<'_> {
                 let is_missed = near[i] * (1.0 - SLACK) > far[i] * (1.0 + SLACK) + TINY;
                 bits |= u32::from(!is_missed) << i;
             }
-            if bits == 0 {
-                continue;
+            // Eight numbers are written, and the next ones overwrite those beyond the bits: no branch is mispredicted.
+            for (half, byte) in [bits & 0xff, bits >> 8].into_iter().enumerate() {
+                let first = (number * LANES + 8 * half) as u32;
+                let (places, eight) = (&PLACES[byte as usize], &mut found[count..count + 8]);
+                for (to, place) in eight.iter_mut().zip(places) {
+                    *to = first + u32::from(*place);
+                }
+                count += byte.count_ones() as usize;
             }
-            // Each number is written, and the next one overwrites it if its bit isn't set: no branch is mispredicted.
-            let mut end = found.len();
-            found.resize(end + LANES, 0);
-            for i in 0..LANES {
-                found[end] = (number * LANES + i) as u32;
-                end += (bits >> i & 1) as usize;
-            }
-            found.truncate(end);
         }
+        count
     }
 }
 

@@ -146,29 +146,33 @@ impl World {
         step: Option<[DVec3; 2]>,
         probe: &mut P,
     ) -> MaterialPoint {
-        let mut point = self.textured_at(&self.local(line, hit, None), hit, surface, step, probe);
-        self.material(hit).finish(&mut point);
+        let material = self.material(hit);
+        let mut point = material.at(surface);
+        self.texture_at(&self.local(line, hit, None), hit, (surface, &mut point), step, probe);
+        material.finish(&mut point);
         point
     }
 
-    /// The surface and [`World::textured`] of an opaque material, for integrators of physics: a standard surface comes
-    /// without the classic numbers nearest to it. `step` finds the offsets along the surface to the neighbouring
-    /// samples.
+    /// The surface at a hit. `point` becomes [`World::textured`] of an opaque material, for integrators of physics: a
+    /// standard surface comes without the classic numbers nearest to it. `step` finds the offsets along the surface to
+    /// the neighbouring samples.
     #[inline(never)]
     pub(crate) fn textured_physics(
         &self,
         line: DRay,
         hit: &Hit,
         step: impl FnOnce(&Surface) -> Option<[DVec3; 2]>,
-    ) -> (Surface, MaterialPoint) {
+        point: &mut MaterialPoint,
+    ) -> Surface {
         let local = self.local(line, hit, None);
         let mut surface = match local.to_world {
             None if hit.instance != Hit::UNBOUNDED => local.surface,
             _ => self.surface_without_uv(line, hit),
         };
         let step = step(&surface);
-        let point = self.textured_at(&local, hit, &mut surface, step, &mut ());
-        (surface, point)
+        *point = self.material(hit).at(&surface);
+        self.texture_at(&local, hit, (&mut surface, point), step, &mut ());
+        surface
     }
 
     /// [`World::textured`] on a facet, with the facet's own normal and texture coordinates.
@@ -180,23 +184,25 @@ impl World {
         step: Option<[DVec3; 2]>,
         probe: &mut P,
     ) -> MaterialPoint {
-        let mut point = self.textured_at(&self.local(line, hit, Some(facet)), hit, surface, step, probe);
-        self.material(hit).finish(&mut point);
+        let material = self.material(hit);
+        let mut point = material.at(surface);
+        self.texture_at(&self.local(line, hit, Some(facet)), hit, (surface, &mut point), step, probe);
+        material.finish(&mut point);
         point
     }
 
-    /// The material at a hit before it is [finished](PreparedMaterial::finish).
+    /// Applies the textures of a hit to its surface and to its material, which is to be
+    /// [finished](PreparedMaterial::finish).
     #[inline(always)]
-    fn textured_at<P: GeometryProbe + ?Sized>(
+    fn texture_at<P: GeometryProbe + ?Sized>(
         &self,
         local: &Local,
         hit: &Hit,
-        surface: &mut Surface,
+        (surface, point): (&mut Surface, &mut MaterialPoint),
         step: Option<[DVec3; 2]>,
         probe: &mut P,
-    ) -> MaterialPoint {
+    ) {
         let material = self.material(hit);
-        let mut point = material.at(surface);
         (surface.uv, surface.uv_rest) = (local.surface.uv, local.surface.uv_rest);
         let at = At::new(self, local, step);
         let mut normal = local.surface.shading_normal;
@@ -204,13 +210,16 @@ impl World {
         // Displacement was applied when the world was built.
         for used in material.textures.iter().filter(|used| !matches!(used.target, Target::Displace { .. })) {
             let pattern = &self.textures[used.texture as usize];
-            let coords = at.coords(used);
-            let before = probe.is_active().then_some((point, normal));
+            let mut coords = None;
+            let before = probe.is_active().then_some((*point, normal));
             let mut readings = [Reading { lookup: Lookup::default(), weight: 0.0, footprint: None }; 3];
             let room = if probe.is_active() { &mut readings[..] } else { &mut [] };
-            let value = at.value(pattern, used, &coords, room);
+            let value = match at.own_lookup(used).filter(|_| !probe.is_active()) {
+                Some(lookup) => at.read(pattern, used, &lookup),
+                None => at.value(pattern, used, coords.insert(at.coords(used)), room),
+            };
             match used.target {
-                Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &coords)),
+                Target::Bump => normal = apply_bump(normal, at.slope(pattern, used, &at.coords(used))),
                 Target::Normal { strength, down } => {
                     normal = local.bent(normal, tangent_space(value, strength, down));
                 }
@@ -218,7 +227,7 @@ impl World {
                     let bent = local.bent(coat, tangent_space(value, strength, down));
                     coat = clamp_to_hemisphere(bent, local.surface.normal);
                 }
-                _ => used.apply(value, &mut point),
+                _ => used.apply(value, point),
             }
             if used.target.bends_normal() {
                 normal = clamp_to_hemisphere(normal, local.surface.normal);
@@ -229,10 +238,10 @@ impl World {
                 probe.texture(&TextureRead {
                     used,
                     name: &self.shading.texture_names[used.texture as usize],
-                    readings: &readings[..coords.len()],
+                    readings: &readings[..coords.map_or(0, |coords| coords.len())],
                     value,
                     before: &before,
-                    after: &point,
+                    after: point,
                     normals: [was, normal].map(outwards),
                 });
             }
@@ -247,7 +256,6 @@ impl World {
         if point.normal_bent {
             surface.shading_normal = in_world(normal, surface);
         }
-        point
     }
 
     /// The share of light that a surface blocks when light crosses it. Only textures that change this share are read.
@@ -396,6 +404,22 @@ impl<'a> At<'a> {
         used.mapping.coords(&self.place)
     }
 
+    /// The lookup at the surface's own coordinates, if they are those of the use, and there is no footprint.
+    fn own_lookup(&self, used: &TextureUse) -> Option<Lookup> {
+        let is_still = self.steps == [DVec3::ZERO; 2];
+        let at = DVec3::new(self.place.uv.x, self.place.uv.y, 0.0);
+        (is_still && used.mapping.is_own()).then_some(Lookup { at, ..Lookup::default() })
+    }
+
+    /// The texture's value at one place.
+    fn read(&self, pattern: &PreparedTexture, used: &TextureUse, lookup: &Lookup) -> [f32; 4] {
+        match used.target.takes_color() {
+            _ if pattern.is_vertex_color() => self.local.vertex_color(),
+            true => pattern.color(lookup),
+            false => pattern.eval(lookup),
+        }
+    }
+
     fn lookup(&self, spot: &TexCoord) -> Lookup {
         let [dx, dy] = self.steps.map(|step| if step == DVec3::ZERO { step } else { spot.change(step) });
         Lookup { at: spot.at, dx, dy }
@@ -417,7 +441,7 @@ impl<'a> At<'a> {
             if let Some(reading) = reading {
                 *reading = Reading { lookup, weight: spot.weight, footprint: pattern.footprint(&lookup) };
             }
-            if used.target.takes_color() { pattern.color(&lookup) } else { pattern.eval(&lookup) }
+            self.read(pattern, used, &lookup)
         };
         if let [spot] = &coords[..] {
             return one(spot, readings.first_mut());

@@ -8,8 +8,8 @@ use crate::integrator::path::guiding::{GuidedVertex, GuidingField, pdf_of_both};
 use crate::integrator::path::light_tree::Receiver;
 use crate::integrator::path::source_points::SourcePoints;
 use crate::material::{
-    BaseNumbers, BsdfSample, ConductorPoint, Lobe, LobeDirections, MetalFacets, OpaqueBase, OpaqueBaseLobes,
-    diffuse_direction, diffuse_pdf, diffuse_share,
+    BaseNumbers, BsdfSample, ConductorPoint, GlossyLobes, GlossyPoint, Lobe, LobeDirections, MetalFacets, OpaqueBase,
+    OpaqueBaseLobes, diffuse_direction, diffuse_pdf, diffuse_share,
 };
 use crate::math::Vector;
 use crate::shape::{DVec3x8, Vec3x8, dvec3, set_bits, set_dvec3};
@@ -92,7 +92,8 @@ pub(super) trait Lobes8 {
     /// The lobes in lanes, as their viewers see them.
     type Seen<F: Real64>: SeenLobes<F>;
 
-    /// The lobe of directions that facets don't mirror to.
+    /// The lobes of directions that facets mirror to, and of others.
+    const MIRRORED: Lobe = Lobe::Mirror;
     const NOT_MIRRORED: Lobe = Lobe::Diffuse;
 
     /// Whether a vertex scatters no light.
@@ -118,6 +119,12 @@ pub(super) trait SeenLobes<F: Real64> {
     /// [`Bsdf::eval`](crate::material::Bsdf::eval) and [`Bsdf::pdf`](crate::material::Bsdf::pdf) of directions.
     fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F);
 
+    /// [`Bsdf::eval`](crate::material::Bsdf::eval) for the light of point lights, where that is another.
+    #[inline(always)]
+    fn eval_point_lights(&self, _: Vector<F>) -> Option<Vector<F::Narrow>> {
+        None
+    }
+
     /// The directions that the numbers choose: `u_lobe` of [0, 1) the lobe, and `u` of the unit square the direction
     /// within it.
     fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F>;
@@ -127,6 +134,8 @@ pub(super) trait SeenLobes<F: Real64> {
 struct Scatter<'a, L> {
     lobes: &'a L,
     to_sources: &'a DVec3x8,
+    /// A bit for each source that is a point light.
+    point_lights: u32,
     u_lobe: &'a [f64; LANES],
     u: &'a [[f64; LANES]; 2],
     /// The directions of guiding fields, and a bit for each vertex that takes one.
@@ -157,7 +166,13 @@ impl<L: Lobes8> LaneKernel for Scatter<'_, L> {
             valid: 0,
             mirrored: 0,
         };
-        let (f, pdf) = lobes.eval_and_pdf(Vector::load(self.to_sources));
+        let to_sources = Vector::load(self.to_sources);
+        let (mut f, pdf) = lobes.eval_and_pdf(to_sources);
+        if self.point_lights != 0
+            && let Some(of_points) = lobes.eval_point_lights(to_sources)
+        {
+            f = Vector::select(F::Mask::from_bits(self.point_lights), of_points, f);
+        }
         f.store(&mut scattered.towards_sources.f);
         pdf.store(&mut scattered.towards_sources.pdf);
         let [u, v] = self.u;
@@ -225,6 +240,7 @@ impl<L: Lobes8> Scattering8 for LaneVertices<'_, L> {
         let Scattered { mut towards_sources, mut sampled, wi, valid, mirrored } = run_lanes(Scatter {
             lobes: &self.lobes,
             to_sources: &points.wi,
+            point_lights: points.point_lights,
             u_lobe: &u_lobe,
             u: &self.arrived.u_direction,
             guided: &guided,
@@ -240,7 +256,7 @@ impl<L: Lobes8> Scattering8 for LaneVertices<'_, L> {
         }
         let mut lobes = [L::NOT_MIRRORED; LANES];
         set_bits(chosen).for_each(|lane| lobes[lane] = Lobe::Diffuse);
-        set_bits(mirrored).for_each(|lane| lobes[lane] = Lobe::Mirror);
+        set_bits(mirrored).for_each(|lane| lobes[lane] = L::MIRRORED);
         let Evaluated8 { f, pdf } = sampled;
         let valid = valid & ((1 << self.len) - 1);
         (towards_sources, Sampled8 { wi, f, pdf, guided: gain, lobes, valid, delta: 0 })
@@ -308,6 +324,62 @@ impl<F: Real64> SeenLobes<F> for SeenDiffuse<F> {
     fn directions(&self, _: F, u: [F; 2]) -> LobeDirections<F> {
         let wi = diffuse_direction(self.normal, u);
         LobeDirections { wi, is_valid: F::Mask::splat(true), is_mirrored: F::Mask::splat(false) }
+    }
+}
+
+/// Eight opaque surfaces of Phong's model with highlights and without mirrors.
+#[derive(Default)]
+pub(in super::super) struct Glossy {
+    pub(super) points: [GlossyPoint; LANES],
+}
+
+/// Eight vertices of such surfaces.
+pub(super) struct GlossyVertices<'a> {
+    points: &'a [GlossyPoint; LANES],
+    arrived: &'a Arrived,
+}
+
+impl Materials8 for Glossy {
+    const HAS_LOBES: bool = true;
+
+    type Vertices<'a> = LaneVertices<'a, GlossyVertices<'a>>;
+
+    fn vertices<'a>(&'a self, arrived: &'a Arrived, field: Option<&GuidingField>, len: usize) -> Self::Vertices<'a> {
+        LaneVertices::new(GlossyVertices { points: &self.points, arrived }, arrived, field, len)
+    }
+}
+
+impl Lobes8 for GlossyVertices<'_> {
+    type Seen<F: Real64> = GlossyLobes<F>;
+
+    const MIRRORED: Lobe = Lobe::Highlight;
+
+    fn is_black(&self, lane: usize) -> bool {
+        self.points[lane].is_black()
+    }
+
+    #[inline(always)]
+    fn seen<F: Real64>(&self) -> GlossyLobes<F> {
+        let Arrived { wo, normal, facing, .. } = self.arrived;
+        let (normal, facing, wo) = (Vector::load(normal), Vector::load(facing), Vector::load(wo));
+        GlossyLobes::gather(|lane| &self.points[lane], normal, facing, wo)
+    }
+}
+
+impl<F: Real64> SeenLobes<F> for GlossyLobes<F> {
+    #[inline(always)]
+    fn eval_and_pdf(&self, wi: Vector<F>) -> (Vector<F::Narrow>, F) {
+        self.eval_and_pdf(wi)
+    }
+
+    #[inline(always)]
+    fn eval_point_lights(&self, wi: Vector<F>) -> Option<Vector<F::Narrow>> {
+        Some(self.eval_point_lights(wi))
+    }
+
+    #[inline(always)]
+    fn directions(&self, u_lobe: F, u: [F; 2]) -> LobeDirections<F> {
+        self.directions(u_lobe, u)
     }
 }
 
