@@ -122,7 +122,7 @@ impl Job {
     /// added up.
     pub fn metering(&self) -> Job {
         /// The longer side in pixels, and the rays of a pixel.
-        const SIDE: u32 = 48;
+        const SIDE: u32 = 20;
         const SAMPLES: u32 = 32;
         let [width, height] = self.camera.size().map(f64::from);
         let share = f64::from(SIDE) / width.max(height);

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 /// The sample at `u` of the surface with a radiance of 1, seen from `p`: the point, and the radiance times the solid
 /// angle over π. The mean over u of the second value times the cosine at `p` is a form factor. None where the point
 /// faces away from `p`.
+#[inline]
 pub(super) fn seen(surface: &SurfaceSampler, u: [f64; 2], p: DVec3) -> Option<(DVec3, f64)> {
     if surface.is_sphere() {
         // Directions are uniform over a cone of the solid angle 2π (1 − cos θ).

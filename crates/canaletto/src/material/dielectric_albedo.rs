@@ -396,6 +396,31 @@ impl<F: Real64> Places<F> {
     }
 }
 
+/// What one scattering mirrors, and all that it keeps, at the cosines of angles on the viewers' sides of boundaries with
+/// these ηᵢ/ηₜ and α. It is 0 and 1 in lanes without a bit.
+#[inline(always)]
+pub(super) fn kept_in_lanes<F: Real64>(eta_ratio: F, alpha: F, cos: F, lanes: u32) -> [F; 2] {
+    let one = F::splat(1.0);
+    let is_denser = one.less(eta_ratio);
+    let critical = criticals(eta_ratio.max(one / eta_ratio), is_denser);
+    let places = column_places(cos, critical, alpha).to_array();
+    let (denser, upper) = (is_denser.bits(), (!cos.less(critical)).bits());
+    let (ratios, alphas) = (eta_ratio.to_array(), alpha.to_array());
+    let [mut mirrored, mut total] = [[0.0; LANES], [1.0; LANES]];
+    // Neighbouring lanes often are of one material.
+    let mut last: Option<(usize, DielectricAlbedo)> = None;
+    for lane in (0..F::COUNT).filter(|lane| lanes >> lane & 1 == 1) {
+        let albedo = match last {
+            Some((other, albedo)) if ratios[other] == ratios[lane] && alphas[other] == alphas[lane] => albedo,
+            _ => DielectricAlbedo::new(ratios[lane], alphas[lane]),
+        };
+        last = Some((lane, albedo));
+        let kept = albedo.kept_at(denser >> lane & 1 == 1, ((upper >> lane & 1) as usize, places[lane]));
+        (mirrored[lane], total[lane]) = (kept.mirrored, kept.total());
+    }
+    [F::load(&mirrored), F::load(&total)]
+}
+
 /// What one scattering loses at the cosines of angles, on the viewers' sides in the lanes of a mask. It is 0 in lanes
 /// without a bit.
 #[inline(always)]

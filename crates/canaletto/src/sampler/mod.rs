@@ -131,6 +131,7 @@ impl Sample {
     }
 
     /// A point of [0, 1)².
+    #[inline]
     pub fn two(&self, dimension: Dimension) -> [f64; 2] {
         self.sampler.two(dimension, self.index, self.count)
     }
@@ -149,6 +150,7 @@ impl Sample {
 
     /// [`Sample::two`] for use number `n` of `of` in the sample, such as one of a light's points. The uses of all
     /// samples together are distributed like `of` times as many samples.
+    #[inline]
     pub fn two_of(&self, dimension: Dimension, n: u32, of: u32) -> [f64; 2] {
         let index = self.index.wrapping_mul(of).wrapping_add(n);
         self.sampler.two(dimension, index, self.count.saturating_mul(of))
@@ -186,6 +188,7 @@ impl Sampler {
         mix(own ^ dimension.0.rotate_left(17) ^ 0x5bf0_3635_dca5_4a8d)
     }
 
+    #[inline]
     fn two(&self, dimension: Dimension, index: u32, count: u32) -> [f64; 2] {
         let key = self.key_of(dimension);
         match self.kind {

@@ -2,9 +2,10 @@
 
 use super::{AvxF64x4, NodeTest, TraversalRay};
 use crate::PreparedRay;
+use crate::lanes::SET_LANES;
 use crate::node::{Node, NodeRef};
 use crate::simd::Avx2;
-use crate::slab::{INFLATE, WIDTH};
+use crate::slab::INFLATE;
 use std::arch::x86_64::*;
 
 /// The end of the interval in which a box is entered. With this argument order a NaN is kept, so that the box is not
@@ -14,24 +15,6 @@ use std::arch::x86_64::*;
 pub(super) fn end(far: __m256, limit: f32) -> __m256 {
     _mm256_min_ps(_mm256_set1_ps(limit), _mm256_mul_ps(far, _mm256_set1_ps(INFLATE)))
 }
-
-/// The set lanes of each mask, in order.
-static COMPRESS: [[u8; WIDTH]; 256] = {
-    let mut table = [[0; WIDTH]; 256];
-    let mut mask = 0;
-    while mask < 256 {
-        let (mut lane, mut count) = (0, 0);
-        while lane < WIDTH {
-            if mask >> lane & 1 == 1 {
-                table[mask][count] = lane as u8;
-                count += 1;
-            }
-            lane += 1;
-        }
-        mask += 1;
-    }
-    table
-};
 
 /// The lanes of an order word, in the lowest three bits of each element.
 #[inline]
@@ -97,7 +80,7 @@ impl NodeTest for Avx2 {
             }
             let far = end(far, limit);
             let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as usize;
-            let row = COMPRESS.get_unchecked(mask & 255).as_ptr();
+            let row = SET_LANES.get_unchecked(mask & 255).as_ptr();
             let met = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.cast()));
             if ORDERED {
                 _mm256_storeu_ps(out, _mm256_permutevar8x32_ps(near, met));

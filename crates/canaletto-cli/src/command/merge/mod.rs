@@ -16,7 +16,7 @@ use crate::part::{Cut, PART, PICTURE_TEXTS, layers_of_texts};
 use crate::partial::UNFINISHED;
 use crate::sample_file::{SCENE, SCENE_DIGEST, SCENE_FILES, nameless, picture_texts, sample_texts, text_of};
 use crate::source::on_threads;
-use crate::told_developing::ToldDeveloping;
+use crate::told_developing::{METERED_EXPOSURE, ToldDeveloping};
 use canaletto::film::{Layer, Picture};
 use canaletto::render::Aov;
 use canaletto::scene::Developing;
@@ -236,10 +236,10 @@ fn compare(first: &PartFile, part: &PartFile) -> Result<(), Failure> {
         };
         return refuse(Exit::PartScene, what);
     }
-    // The scene counts by its contents. What the others follow from comes first.
-    let is_compared = |key: &&str| ![PICTURE_TEXTS, SCENE, SCENE_FILES].contains(key);
+    // The scene counts by its contents. What the others follow from comes first, and what follows from others last.
+    let is_compared = |key: &&str| ![PICTURE_TEXTS, SCENE, SCENE_FILES, METERED_EXPOSURE].contains(key);
     let keys = first.texts.iter().chain(&part.texts).map(|(key, _)| key.as_str()).filter(is_compared);
-    for key in ["integrator", "size", "camera", "seed", "tone"].into_iter().chain(keys) {
+    for key in ["integrator", "size", "camera", "seed", "tone"].into_iter().chain(keys).chain([METERED_EXPOSURE]) {
         let [a, b] = [part, first].map(|part| of(part, key).unwrap_or_else(|| "none".to_owned()));
         if a != b {
             return refuse(Exit::PartSetting, format!("its {key} is {a}, not {b}"));

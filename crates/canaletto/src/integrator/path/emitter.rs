@@ -16,7 +16,7 @@ pub(super) use lanes::LaneEmitters;
 use std::f64::consts::FRAC_PI_2;
 
 /// The most boxes that are compared to find isolated emitters. More are those of large meshes with many emitters.
-const MOST_COMPARED: u32 = 1 << 22;
+const MOST_COMPARED: u32 = 1 << 20;
 
 /// How far two triangles may be from a parallelogram, as a share of its size, to be sampled as one.
 const ONE_SURFACE: f32 = 1e-6;

@@ -4,7 +4,7 @@
 
 use super::super::bsdf::{FacetAxes, LobeDirections, mirrored_directions};
 use super::super::conductor_albedo::{conductor_albedos, grazing_albedos};
-use super::super::dielectric_albedo::DielectricAlbedo;
+use super::super::dielectric_albedo::kept_in_lanes;
 use super::super::fresnel::fresnel_dielectrics;
 use super::super::ggx::Ggx;
 use super::super::{Parameter, Target};
@@ -13,7 +13,7 @@ use super::metal::{metal_dips, metal_fresnels};
 use super::{StandardBlock, StandardSurface};
 use crate::math::warp::cosine_hemisphere_lanes;
 use crate::math::{Rgb, Vector};
-use canaletto_bvh::lanes::{LANES, Mask, Real, Real32, Real64};
+use canaletto_bvh::lanes::{Mask, Real, Real32, Real64};
 use std::f64::consts::FRAC_1_PI;
 
 /// The numbers of an opaque base at a point.
@@ -169,15 +169,9 @@ impl<F: Real64> BaseNumbers<F> {
     /// What one scattering of the dielectric mirrors, and all that it keeps, at the cosine of the viewer.
     #[inline(always)]
     fn kept(&self, cos: F, wanted: u32) -> [F; 2] {
-        let smooth = fresnel_dielectrics(cos, self.eta_ratio);
-        let (cosines, ratios, alphas) = (cos.to_array(), self.eta_ratio.to_array(), self.alpha.to_array());
-        let [mut mirrored, mut total] = [[0.0; LANES], [1.0; LANES]];
-        for lane in (0..F::COUNT).filter(|lane| wanted >> lane & 1 == 1 && ratios[*lane] != 1.0) {
-            let kept = DielectricAlbedo::new(ratios[lane], alphas[lane]).kept(cosines[lane], true);
-            (mirrored[lane], total[lane]) = (kept.mirrored, kept.total());
-        }
         let is_matched = self.eta_ratio.equal(F::splat(1.0));
-        [F::select(is_matched, smooth, F::load(&mirrored)), F::load(&total)]
+        let [mirrored, total] = kept_in_lanes(self.eta_ratio, self.alpha, cos, wanted & !is_matched.bits());
+        [F::select(is_matched, fresnel_dielectrics(cos, self.eta_ratio), mirrored), total]
     }
 }
 

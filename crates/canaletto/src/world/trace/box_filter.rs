@@ -2,6 +2,7 @@
 //!
 //! The test passes every ray that a tree would let into the box. Exact kernels have the last word.
 
+use canaletto_bvh::lanes::SET_LANES;
 use canaletto_bvh::{Aabb, InstructionSet, Kernel, Ray};
 use std::ops::Range;
 
@@ -96,24 +97,6 @@ struct Candidates<'a> {
     found: &'a mut [u32],
 }
 
-/// For each byte the places of its bits that are set, and zeros.
-const PLACES: [[u8; 8]; 256] = {
-    let mut all = [[0; 8]; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let (mut count, mut place) = (0, 0);
-        while place < 8 {
-            if byte >> place & 1 == 1 {
-                all[byte][count] = place as u8;
-                count += 1;
-            }
-            place += 1;
-        }
-        byte += 1;
-    }
-    all
-};
-
 impl Kernel for Candidates<'_> {
     /// The number of candidates.
     type Answer = usize;
@@ -143,7 +126,7 @@ impl Kernel for Candidates<'_> {
             // Eight numbers are written, and the next ones overwrite those beyond the bits: no branch is mispredicted.
             for (half, byte) in [bits & 0xff, bits >> 8].into_iter().enumerate() {
                 let first = (number * LANES + 8 * half) as u32;
-                let (places, eight) = (&PLACES[byte as usize], &mut found[count..count + 8]);
+                let (places, eight) = (&SET_LANES[byte as usize], &mut found[count..count + 8]);
                 for (to, place) in eight.iter_mut().zip(places) {
                     *to = first + u32::from(*place);
                 }

@@ -225,9 +225,12 @@ impl World {
         }
     }
 
-    /// Whether an instance finds the rays near each of its shapes by itself: few shapes in the world's space.
+    /// Whether the rays near each shape are found without bounds of groups of rays: those of few shapes in the world's
+    /// space that are all of the world.
     pub(in crate::world) fn filters_rays(&self, instance: &Instance) -> bool {
-        instance.to_world.is_none() && self.geometry.geometries[instance.geometry as usize].is_list()
+        self.geometry.root.instances.len() == 1
+            && instance.to_world.is_none()
+            && self.geometry.geometries[instance.geometry as usize].is_list()
     }
 
     /// Tests each instance with each run of groups of rays that may hit it.

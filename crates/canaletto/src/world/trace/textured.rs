@@ -2,17 +2,17 @@
 //! has no such stage.
 
 use crate::material::{
-    MaterialPoint, Place, PreparedMaterial, Target, TexCoord, TexCoords, TextureUse, apply_bump, apply_normal_map,
-    clamp_to_hemisphere,
+    MaterialPoint, Place, PreparedMaterial, Space, Target, TexCoord, TexCoords, TextureUse, apply_bump,
+    apply_normal_map, clamp_to_hemisphere,
 };
 use crate::math::{DRay, Transform};
-use crate::shape::{Mesh, Surface, SurfaceDifferential};
+use crate::shape::{Mesh, Shape, Surface, SurfaceDifferential};
 use crate::texture::{Footprint, Lookup, PreparedTexture};
 use crate::world::GeometryProbe;
 use crate::world::data::geometry::Geometry;
 use crate::world::{Hit, MeshFacet, World};
-use canaletto_bvh::Aabb;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use std::cell::OnceCell;
 
 /// A texture lookup at a hit.
 #[derive(Clone, Copy, Debug)]
@@ -47,12 +47,23 @@ pub struct Reading {
 /// A hit in the space of its object.
 struct Local<'w> {
     surface: Surface,
-    surface_differential: SurfaceDifferential,
+    /// The surface's derivatives, once something has asked for them, and what has them.
+    surface_differential: OnceCell<SurfaceDifferential>,
+    derived_from: Derived<'w>,
+    hit: Hit,
     to_world: Option<Transform>,
-    bounds: Option<Aabb>,
+    /// The geometry, which has bounds, and the primitive.
+    bounded: Option<(&'w Geometry, u32)>,
     /// The origin of the object's coordinates.
     origin: DVec3,
     on_mesh: Option<OnMesh<'w>>,
+}
+
+/// What a hit's surface is a part of.
+enum Derived<'w> {
+    Shape(&'w Shape),
+    Geometry(&'w Geometry),
+    Facet(&'w MeshFacet<'w>),
 }
 
 /// A hit on a mesh.
@@ -66,13 +77,24 @@ struct OnMesh<'w> {
 }
 
 impl Local<'_> {
+    fn surface_differential(&self) -> &SurfaceDifferential {
+        let Hit { primitive, uv: [u, v], time, .. } = self.hit;
+        self.surface_differential.get_or_init(|| match self.derived_from {
+            Derived::Shape(shape) => shape.surface_differential(&self.surface, &self.hit.shape_hit()),
+            Derived::Geometry(geometry) => {
+                geometry.surface_differential(primitive, &self.hit.shape_hit(), &self.surface, time)
+            }
+            Derived::Facet(facet) => facet.mesh.surface_differential(facet.triangle as usize, u, v, time),
+        })
+    }
+
     /// The tangent and the bitangent of normal maps: those of the mesh's vertices, or along growing u and falling v.
     fn tangent_frame(&self) -> [DVec3; 2] {
         let of_vertices = self.on_mesh.and_then(|OnMesh { mesh, triangle, weights, time }| {
             mesh.tangent_frame(triangle, weights, self.surface.shading_normal, time)
         });
         of_vertices.unwrap_or_else(|| {
-            let [along, down] = self.surface_differential.tangents(self.surface.normal);
+            let [along, down] = self.surface_differential().tangents(self.surface.normal);
             [along, -down]
         })
     }
@@ -105,8 +127,8 @@ impl World {
     pub fn surface_differential(&self, line: impl Into<DRay>, hit: &Hit) -> SurfaceDifferential {
         let local = self.local(line.into(), hit, None);
         match &local.to_world {
-            None => local.surface_differential,
-            Some(t) => local.surface_differential.transformed(t, &local.surface),
+            None => *local.surface_differential(),
+            Some(t) => local.surface_differential().transformed(t, &local.surface),
         }
     }
 
@@ -302,19 +324,19 @@ impl World {
         point
     }
 
-    fn local(&self, line: DRay, hit: &Hit, facet: Option<&MeshFacet>) -> Local<'_> {
+    fn local<'w>(&'w self, line: DRay, hit: &Hit, facet: Option<&'w MeshFacet<'w>>) -> Local<'w> {
         let shape_hit = hit.shape_hit();
         if hit.instance == Hit::UNBOUNDED {
             let unbounded = &self.geometry.unbounded[hit.primitive as usize];
             let (shape, to_world) = unbounded.own.as_ref().map_or((&unbounded.shape, None), |(s, t)| (s, Some(*t)));
             let line = to_world.as_ref().map_or(line, |t| line.to_local(t));
-            let surface = shape.surface(line, &shape_hit);
-            let surface_differential = shape.surface_differential(&surface, &shape_hit);
             return Local {
-                surface,
-                surface_differential,
+                surface: shape.surface(line, &shape_hit),
+                surface_differential: OnceCell::new(),
+                derived_from: Derived::Shape(shape),
+                hit: *hit,
                 to_world,
-                bounds: None,
+                bounded: None,
                 origin: unbounded.origin,
                 on_mesh: None,
             };
@@ -324,24 +346,20 @@ impl World {
         });
         let geometry = &self.geometry.geometries[index as usize];
         let local_line = to_world.as_ref().map_or(line, |t| line.to_local(t));
-        let (surface, surface_differential) = match facet {
-            Some(facet) => {
-                let [u, v] = hit.uv;
-                (
-                    facet.surface(&local_line, hit),
-                    facet.mesh.surface_differential(facet.triangle as usize, u, v, hit.time),
-                )
-            }
+        let (surface, derived_from) = match facet {
+            Some(facet) => (facet.surface(&local_line, hit), Derived::Facet(facet)),
             None => {
                 let surface = geometry.surface(local_line, hit.primitive, &shape_hit, hit.time);
-                (surface, geometry.surface_differential(hit.primitive, &shape_hit, &surface, hit.time))
+                (surface, Derived::Geometry(geometry))
             }
         };
         Local {
             surface,
-            surface_differential,
+            surface_differential: OnceCell::new(),
+            derived_from,
+            hit: *hit,
             to_world,
-            bounds: geometry.object_bounds(hit.primitive),
+            bounded: Some((geometry, hit.primitive)),
             origin: self.geometry.local_origins.get(&index).copied().unwrap_or_default(),
             on_mesh: match geometry {
                 Geometry::Mesh { mesh, .. } => {
@@ -365,7 +383,10 @@ fn tangent_space([r, g, b, _]: [f32; 4], strength: f32, down: bool) -> [f64; 3] 
 /// A hit as the input of texture mappings.
 struct At<'a> {
     local: &'a Local<'a>,
-    place: Place<'a>,
+    /// The surface's own coordinates.
+    uv: DVec2,
+    /// The positions of the origin of coordinates: in the object's space, and in the world's.
+    origins: [DVec3; 2],
     /// The steps to the neighbouring samples in the object's space; zero without a footprint.
     steps: [DVec3; 2],
 }
@@ -378,16 +399,23 @@ impl<'a> At<'a> {
             (Some(step), None) => step,
             (Some(step), Some(t)) => step.map(|s| t.inverse().vector(s)),
         };
-        let place = Place {
-            point: local.surface.exact,
-            normal: local.surface.normal,
-            uv: local.surface.uv.as_dvec2() + local.surface.uv_rest.as_dvec2(),
-            surface_differential: &local.surface_differential,
-            to_world: local.to_world.as_ref(),
-            bounds: local.bounds,
-            origins: [local.origin, world.geometry.origin],
-        };
-        At { local, place, steps }
+        let uv = local.surface.uv.as_dvec2() + local.surface.uv_rest.as_dvec2();
+        At { local, uv, origins: [local.origin, world.geometry.origin], steps }
+    }
+
+    /// The input of a use's mapping.
+    fn place(&self, used: &TextureUse) -> Place<'a> {
+        let Local { surface, to_world, bounded, .. } = self.local;
+        let bounded = bounded.filter(|_| used.mapping.space == Space::Bounds);
+        Place {
+            point: surface.exact,
+            normal: surface.normal,
+            uv: self.uv,
+            surface_differential: self.local.surface_differential(),
+            to_world: to_world.as_ref(),
+            bounds: bounded.and_then(|(geometry, primitive)| geometry.object_bounds(primitive)),
+            origins: self.origins,
+        }
     }
 
     /// The texture coordinates of a use.
@@ -398,16 +426,16 @@ impl<'a> At<'a> {
         if used.mapping.uv_set > 0
             && let Some((uv, gradients)) = self.local.on_mesh.and_then(in_set)
         {
-            let surface_differential = &SurfaceDifferential { gradients, ..*self.place.surface_differential };
-            return used.mapping.coords(&Place { uv, surface_differential, ..self.place });
+            let surface_differential = &SurfaceDifferential { gradients, ..*self.local.surface_differential() };
+            return used.mapping.coords(&Place { uv, surface_differential, ..self.place(used) });
         }
-        used.mapping.coords(&self.place)
+        used.mapping.coords(&self.place(used))
     }
 
     /// The lookup at the surface's own coordinates, if they are those of the use, and there is no footprint.
     fn own_lookup(&self, used: &TextureUse) -> Option<Lookup> {
         let is_still = self.steps == [DVec3::ZERO; 2];
-        let at = DVec3::new(self.place.uv.x, self.place.uv.y, 0.0);
+        let at = self.uv.extend(0.0);
         (is_still && used.mapping.is_own()).then_some(Lookup { at, ..Lookup::default() })
     }
 
