@@ -396,8 +396,8 @@ impl<F: Real64> Places<F> {
     }
 }
 
-/// What one scattering mirrors, and all that it keeps, at the cosines of angles on the viewers' sides of boundaries with
-/// these ηᵢ/ηₜ and α. It is 0 and 1 in lanes without a bit.
+/// What one scattering mirrors, and all that it keeps, at the cosines of angles on the viewers' sides of boundaries
+/// with these ηᵢ/ηₜ and α. It is 0 and 1 in lanes without a bit.
 #[inline(always)]
 pub(super) fn kept_in_lanes<F: Real64>(eta_ratio: F, alpha: F, cos: F, lanes: u32) -> [F; 2] {
     let one = F::splat(1.0);

@@ -1,5 +1,5 @@
-//! The scattering of standard surfaces that are an opaque base alone, without coat, fuzz and film: facets that mirror as
-//! metal and dielectric do, over diffuse reflection. Most surfaces of files are such ones. One text serves single
+//! The scattering of standard surfaces that are an opaque base alone, without coat, fuzz and film: facets that mirror
+//! as metal and dielectric do, over diffuse reflection. Most surfaces of files are such ones. One text serves single
 //! points and eight of them side by side.
 
 use super::super::bsdf::{FacetAxes, LobeDirections, mirrored_directions};
