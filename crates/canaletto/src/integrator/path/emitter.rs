@@ -100,7 +100,7 @@ impl Emitters {
                 if !is_isolated || compared > MOST_COMPARED {
                     break;
                 }
-                if !overlap(&near, &world.placed_bounds(number)) {
+                if !near.overlaps(&world.placed_bounds(number)) {
                     continue;
                 }
                 let placed = world.placed_geometry(number, 0.0);
@@ -108,7 +108,7 @@ impl Emitters {
                     if number == emitter.of[0] { emitter.of[1]..emitter.of[1] + emitter.primitives } else { 0..0 };
                 for primitive in (0..placed.primitives.len() as u32).filter(|primitive| !own.contains(primitive)) {
                     compared += 1;
-                    is_isolated &= compared <= MOST_COMPARED && !overlap(&near, &primitive_bounds(&placed, primitive));
+                    is_isolated &= compared <= MOST_COMPARED && !near.overlaps(&primitive_bounds(&placed, primitive));
                     if !is_isolated {
                         break;
                     }
@@ -170,26 +170,21 @@ impl Emitters {
     }
 }
 
-fn overlap(a: &Aabb, b: &Aabb) -> bool {
-    a.min.cmple(b.max).all() && b.min.cmple(a.max).all()
-}
-
 /// A box around a primitive in the world; an infinite one if it has no bounds.
 fn primitive_bounds(placed: &PlacedGeometry, primitive: u32) -> Aabb {
-    let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
     let to_world = placed.to_world.as_ref();
     if let Some(corners) = triangle(&placed.primitives, primitive) {
-        let [a, b, c] = world_corners(corners, to_world);
-        return Aabb { min: a.min(b).min(c), max: a.max(b).max(c) };
+        return Aabb::from_points(world_corners(corners, to_world));
     }
-    let bounds = placed.primitives.shape(primitive).and_then(|(shape, _)| shape.bounds()).unwrap_or(everywhere);
+    let Some(bounds) = placed.primitives.shape(primitive).and_then(|(shape, _)| shape.bounds()) else {
+        return Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    };
     let Some(to_world) = to_world else { return bounds };
     let corner = |i: u32| {
         let at = Vec3::select(BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), bounds.min, bounds.max);
         to_world.point(at.as_dvec3()).as_vec3()
     };
-    let none = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-    (0..8).map(corner).fold(none, |all, p| Aabb { min: all.min.min(p), max: all.max.max(p) })
+    Aabb::from_points((0..8).map(corner))
 }
 
 /// The corners of a primitive that is a triangle, in its own space.

@@ -4,11 +4,10 @@
 //! [`PathTracer::scatter`] by the same formulas, so that colours have equal bits. Random numbers, points of sources,
 //! weights and rays are computed for all eight at once.
 //!
-//! Many vertices are opaque, outside of all bodies, and dark by themselves. Diffuse ones, those with highlights of
-//! Phong's model, those of rough metals, and those of standard surfaces without layers over their base have queues of
-//! their own, and don't go through [`PathTracer::arrive`]. Their surfaces and their scattering are computed for all
-//! eight at once, too. So is the scattering of rough boundaries of clear bodies. That of others is evaluated one by
-//! one.
+//! Many vertices are opaque, outside of all bodies, and dark by themselves. Four kinds of them have queues of their
+//! own: diffuse ones, highlights of Phong's model, rough metals, and standard surfaces without layers over their base.
+//! They don't go through [`PathTracer::arrive`]. Their surfaces and their scattering are computed for all eight at
+//! once, too. So is the scattering of rough boundaries of clear bodies. That of others is evaluated one by one.
 
 mod any_surface;
 mod boundaries;
@@ -236,7 +235,6 @@ impl PathTracer<'_> {
                 queues.metals.materials.points[lane] = *metal;
                 self.count_hit(path);
                 if lane + 1 == LANES {
-                    self.scatter_eight(&mut queues.glossy, paths, shadows, next);
                     self.scatter_eight(&mut queues.metals, paths, shadows, next);
                 }
             }
